@@ -1,0 +1,56 @@
+"""Numbers and vectors that may move: one value, or keys over time."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from maths import keyframes
+
+Interpolation = Literal["linear", "step", "smooth"]
+INTERPOLATIONS: tuple[Interpolation, ...] = ("linear", "step", "smooth")
+
+
+@dataclass(frozen=True, eq=False)
+class Keyed:
+    """A value over time.
+
+    times : (n,) seconds, strictly increasing.
+    values : (n,) numbers or (n, size) vectors.
+    interpolation : between keys; before the first and after the last key the value holds.
+    loop : repeats with the period times[-1] - times[0].
+    """
+
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    interpolation: Interpolation = "linear"
+    loop: bool = False
+
+    @classmethod
+    def hold(cls, value: ArrayLike) -> "Keyed":
+        """A value that never changes: a number or a vector (size,).
+
+        >>> Keyed.hold([1.0, 2.0, 3.0]).at(5.0).tolist()
+        [1.0, 2.0, 3.0]
+        """
+        return cls(np.zeros(1), np.asarray(value, dtype=np.float64)[None])
+
+    def at(self, t: float) -> Any:
+        """The value at t seconds: a float for numbers, an array (size,) for vectors."""
+        if self.constant:
+            value = self.values[0]
+        else:
+            value = keyframes.sample(self.times, self.values, t, self.interpolation, self.loop)
+        return float(value) if self.values.ndim == 1 else np.array(value, dtype=np.float64)
+
+    @property
+    def constant(self) -> bool:
+        """Whether the value is the same at all times."""
+        return bool(np.all(self.values == self.values[0]))
+
+    @property
+    def extremes(self) -> tuple[Any, Any]:
+        """Smallest and largest value, a component at a time: curves stay within their keys."""
+        low, high = self.values.min(axis=0), self.values.max(axis=0)
+        return (float(low), float(high)) if self.values.ndim == 1 else (low, high)

@@ -1,0 +1,119 @@
+"""How much a scene's lens blurs its sprites at most, over the whole animation.
+
+The truth is sampled: every frame where there are few, and every key in any case.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.instances import Instances
+from formats.scene import NEAR, Billboards, Camera, Scene
+from maths import optics, transforms
+
+MOMENTS = 256  # of the animation that are looked at, keys come on top
+WORK = 4_000_000  # sprites times moments of one set
+WIDEST = 2.4  # width over height of a picture: nothing seen in cinema's widest is left out
+REACH = 1.5  # radius of a sprite about its middle, in heights: a crown may be wider than tall
+
+
+@dataclass(frozen=True)
+class Blur:
+    """The largest circle of confusion: where and when. distance and t in metres and seconds."""
+
+    pixels: float
+    name: str
+    distance: float
+    t: float
+
+
+def moments(scene: Scene, most: int = MOMENTS) -> NDArray[np.float64]:
+    """Times (n,) in seconds at which the view of sprites is sampled; one for a still."""
+    camera, duration = scene.camera, scene.time.duration
+    moving = [camera.position, camera.target, camera.focal_length_mm]
+    if camera.lens:
+        moving += [camera.lens.f_number, camera.lens.focus_distance]
+    moving = [keyed for keyed in moving if not keyed.constant]
+    if not moving or duration == 0.0:
+        return np.zeros(1)
+    frames = int(duration * scene.time.frame_rate) + 1
+    keys = np.concatenate([keyed.times for keyed in moving])
+    keys = keys[(keys >= 0.0) & (keys <= duration)]
+    return np.union1d(np.linspace(0.0, duration, min(frames, most)), keys)
+
+
+def largest_blur(scene: Scene, lines: int) -> Blur | None:
+    """The largest circle of confusion of any sprite seen, in pixels of a picture `lines` high.
+
+    None without a lens, and where no sprite is ever seen.
+    """
+    found: Blur | None = None
+    for billboards in scene.billboards:
+        for t, depths, _ in _seen(scene, billboards):
+            circles = optics.pixels(
+                _circles(scene.camera, depths, t), lines, scene.camera.sensor_height_mm / 1000.0
+            )
+            worst = int(np.argmax(circles))
+            if found is None or circles[worst] > found.pixels:
+                found = Blur(float(circles[worst]), billboards.name, float(depths[worst]), t)
+    return found
+
+
+def largest_texels(scene: Scene, billboards: Billboards, texels_per_metre: float) -> float:
+    """The largest circle of confusion of a set in texels of its sprites' level 0; 0 without a lens.
+
+    texels_per_metre : of the object at its own height; an instance's factor stretches it.
+    """
+    largest = 0.0
+    for t, depths, scale in _seen(scene, billboards):
+        focal_length = scene.camera.focal_length_mm.at(t) / 1000.0
+        circles = optics.texels(
+            _circles(scene.camera, depths, t), depths, focal_length, scale / texels_per_metre
+        )
+        largest = max(largest, float(circles.max()))
+    return largest
+
+
+def _circles(camera: Camera, depths: NDArray[np.float64], t: float) -> NDArray[np.float64]:
+    """Circles of confusion on the sensor, metres."""
+    assert camera.lens is not None
+    return optics.circle_of_confusion(
+        depths,
+        camera.focal_length_mm.at(t) / 1000.0,
+        camera.lens.f_number.at(t),
+        camera.lens.focus_distance.at(t),
+    )
+
+
+def _seen(
+    scene: Scene, billboards: Billboards
+) -> Iterator[tuple[float, NDArray[np.float64], NDArray[np.float64]]]:
+    """(time, depths (n,), scale (n,)) of the feet and tops of sprites that the camera may see."""
+    instances = billboards.instances()
+    if scene.camera.lens is None or not len(instances):
+        return
+    most = int(np.clip(WORK // len(instances), 16, MOMENTS))
+    for t in moments(scene, most):
+        depths, scale = _visible(scene.camera, billboards.height, instances, float(t))
+        if depths.size:
+            yield float(t), depths, scale
+
+
+def _visible(
+    camera: Camera, height: float, instances: Instances, t: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    view_from_world = transforms.look_at(camera.position.at(t), camera.target.at(t))
+    feet = instances.positions @ view_from_world[:3, :3].T + view_from_world[:3, 3]
+    tall = height * instances.scale
+    up = tall[:, None] * view_from_world[:3, 1]
+    # Leave out what is outside the widest picture by more than its own reach
+    middle, reach = feet + 0.5 * up, REACH * tall
+    half = 0.5 * camera.sensor_height_mm / camera.focal_length_mm.at(t)
+    inside = -middle[:, 2] + reach > NEAR
+    for axis, slope in ((0, half * WIDEST), (1, half)):
+        outside = np.abs(middle[:, axis]) + slope * middle[:, 2]
+        inside &= outside <= reach * np.hypot(1.0, slope)
+    ends = -np.concatenate([feet[inside, 2], feet[inside, 2] + up[inside, 2]])
+    return np.maximum(ends, NEAR), np.tile(instances.scale[inside], 2)

@@ -1,0 +1,307 @@
+# ruff: noqa: RUF009 -- item() is dataclasses.field() with the schema as its metadata
+"""A scene: what stands where, in which light, seen how, over time (the reference is docs/scene.md).
+
+Metres, seconds; angles in degrees as in the file; +y up; radiance and albedo scene-linear Rec. 709.
+"""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats import plan, schema
+from formats.errors import InputError
+from formats.instances import Instances
+from formats.keyed import Keyed
+from formats.scene_file import parse
+from formats.schema import Where, item
+from formats.sprites import QUALITIES, Billboards, Ring, check, complete
+
+__all__ = [
+    "NEAR",
+    "Billboards",
+    "Camera",
+    "EnvironmentLight",
+    "Film",
+    "Fog",
+    "Ground",
+    "Instances",
+    "Keyed",
+    "Lens",
+    "Light",
+    "Picture",
+    "Ring",
+    "Scene",
+    "Sky",
+    "Sphere",
+    "Sun",
+    "Time",
+    "from_dict",
+    "load",
+]
+
+FORMAT = 1
+NEAR = 0.1  # metres in front of the camera; what is nearer is not drawn
+RGB = {"sizes": (3,), "low": 0.0, "high": 1e6}
+ALBEDO = {"sizes": (3,), "low": 0.0, "high": 1.0}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Time:
+    """How long the animation is; a scene without it is a still."""
+
+    duration: float = item("number", "length of the animation", 0.0, unit="s", low=0, high=86400)
+    frame_rate: float = item("number", "frames a second", 24.0, unit="1/s", low=0.1, high=1000)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Lens:
+    """A thin lens; what is off its plane of focus blurs."""
+
+    f_number: Keyed = item("keyed", "focal length over aperture", low=0.1, high=256)
+    focus_distance: Keyed = item(
+        "keyed", "from the camera to the plane of focus", unit="m", low=0.01, high=1e6
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Camera:
+    """A camera at `position` that looks at `target`, upright."""
+
+    position: Keyed = item("keyed", "where the camera is", unit="m", sizes=(3,), low=-1e6, high=1e6)
+    target: Keyed = item("keyed", "what it looks at", unit="m", sizes=(3,), low=-1e6, high=1e6)
+    focal_length_mm: Keyed = item("keyed", "focal length", 50.0, unit="mm", low=1, high=2000)
+    sensor_height_mm: float = item(
+        "number", "height of the sensor", 24.0, unit="mm", low=1, high=500
+    )
+    lens: Lens | None = item("table", "calls for depth of field", None, table=Lens)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sun:
+    """Light from far away."""
+
+    type: ClassVar[str] = "sun"
+    to_light: Keyed = item(
+        "keyed", "direction towards the sun, of any length but 0", sizes=(3,), low=-1e6, high=1e6
+    )
+    irradiance: Keyed = item("keyed", "on a surface that faces the sun", unit="W/m2", **RGB)
+    angular_diameter: float = item(
+        "number", "as seen from the ground", 0.53, unit="deg", low=0, high=90
+    )
+
+    def direction(self, t: float) -> NDArray[np.float64]:
+        """Unit vector (3,) towards the sun at t seconds."""
+        found: NDArray[np.float64] = self.to_light.at(t)
+        return found / np.linalg.norm(found)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sphere:
+    """A glowing ball."""
+
+    type: ClassVar[str] = "sphere"
+    position: Keyed = item("keyed", "centre", unit="m", sizes=(3,), low=-1e6, high=1e6)
+    radius: float = item("number", "radius", unit="m", low=1e-4, high=1e4)
+    radiance: Keyed = item("keyed", "of its surface", unit="W/(m2 sr)", **RGB)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EnvironmentLight:
+    """Light from all around, from a lat-long picture."""
+
+    type: ClassVar[str] = "environment"
+    source: Path = item("source", "lat-long picture", choices=(".exr", ".hdr"))
+    scale: Keyed = item("keyed", "factor on its radiance", 1.0, sizes=(1, 3), low=0, high=1e6)
+    rotate: float = item(
+        "number", "turn about +y, counter-clockwise from above", 0.0, unit="deg", low=-360, high=360
+    )
+
+    def factor(self, t: float) -> NDArray[np.float64]:
+        """Factor (3,) on the radiance at t seconds."""
+        return np.broadcast_to(np.asarray(self.scale.at(t), dtype=np.float64), (3,)).copy()
+
+
+Light = Sun | Sphere | EnvironmentLight
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ground:
+    """A level plane, mottled by noise between two albedos."""
+
+    height: float = item("number", "y of the plane", 0.0, unit="m", low=-1e6, high=1e6)
+    albedo: tuple[float, float, float] = item("vector", "main albedo", [0.18, 0.18, 0.18], **ALBEDO)
+    accent: tuple[float, float, float] = item(
+        "vector", "the other albedo of the mottling; absent: as albedo", None, **ALBEDO
+    )
+    scale: float = item("number", "size of the mottling", 1.0, unit="m", low=1e-3, high=1e4)
+
+    def __post_init__(self) -> None:
+        if self.accent is None:
+            object.__setattr__(self, "accent", self.albedo)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sky:
+    """A gradient behind everything."""
+
+    zenith: Keyed = item("keyed", "radiance overhead", **RGB)
+    horizon: Keyed = item("keyed", "radiance at the horizon", **RGB)
+    glow: Keyed | None = item("keyed", "radiance added around the first sun", None, **RGB)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fog:
+    """Mist, which may thin with height: extinction * exp(-falloff * y)."""
+
+    extinction: Keyed = item("keyed", "at y = 0", unit="1/m", low=0, high=1e3)
+    radiance: Keyed = item("keyed", "of thick fog", **RGB)
+    falloff: float = item("number", "thinning with height", 0.0, unit="1/m", low=0, high=1e3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Film:
+    """From radiance to the picture."""
+
+    exposure: Keyed = item(
+        "keyed", "factor 2^exposure on radiance", 0.0, unit="EV", low=-32, high=32
+    )
+    tonemap: Literal["linear", "filmic"] = item(
+        "text", "curve from radiance to display light", "filmic", choices=("linear", "filmic")
+    )
+    vignette: float = item("number", "darkening of the corners", 0.0, low=0, high=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Picture:
+    """What finishes the picture; an absent line is an effect not called for."""
+
+    sky: Sky | None = item("table", "calls for the sky", None, table=Sky)
+    fog: Fog | None = item("table", "calls for fog", None, table=Fog)
+    film: Film = item("table", "exposure and tonemap", {}, table=Film)
+
+
+LIGHTS = {light.type: light for light in (Sun, Sphere, EnvironmentLight)}
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Scene:
+    """A whole scene.
+
+    name : of the scene and its folder. raw : the file's own content, fit for JSON.
+    file : where it was read. sources : files it names, as written -> absolute (without a root as
+    written).
+    """
+
+    name: str
+    raw: dict[str, Any]
+    file: str
+    sources: Mapping[str, Path]
+    root: Path | None = None
+    format: int = item("integer", "of this file", low=1, high=FORMAT)
+    time: Time = item("table", "length and frame rate", {}, table=Time)
+    quality: Literal["draft", "balanced", "fine", "reference"] = item(
+        "text", "sets what a set of billboards leaves open", "balanced", choices=QUALITIES
+    )
+    camera: Camera = item("table", "the camera", table=Camera)
+    lights: tuple[Light, ...] = item("tables", "lights", [], tables=LIGHTS)
+    ground: Ground | None = item("table", "calls for the ground", None, table=Ground)
+    billboards: tuple[Billboards, ...] = item("tables", "sprites", [], tables={"": Billboards})
+    picture: Picture = item("table", "sky, fog and film", {}, table=Picture)
+    force: dict[str, bool] = item(
+        "switches", "effect = true or false, over what the plan found", {}, choices=plan.FRAME
+    )
+
+
+def load(path: str | Path, root: str | Path | None = None) -> Scene:
+    """A scene from a .toml or .json file.
+
+    root : where source paths start; the folder that holds scenes/ when None.
+    Raises InputError naming file, field, value and remedy.
+    """
+    file = Path(path)
+    raw = parse(file)
+    return from_dict(raw, where=file, root=_root(file, root))
+
+
+def from_dict(
+    raw: dict[str, Any], *, where: str | Path, root: str | Path | None, name: str | None = None
+) -> Scene:
+    """A scene from a raw table.
+
+    where : the file that errors name. root : where source paths start; None looks up no source, for
+    a baked scene that carries its assets. name : the stem of `where` when None.
+    Raises InputError naming file, field, value and remedy.
+    """
+    name = Path(where).stem if name is None else name
+    if not schema.NAME.fullmatch(name):
+        remedy = "rename it to at most 64 letters, digits, - and _: it names the baked folder"
+        raise InputError(where, "", name, remedy)
+    place = Where(str(where), root=None if root is None else Path(root))
+    found = schema.read_fields(Scene, raw, place)
+    quality = QUALITIES.index(found.get("quality", "balanced"))
+    found["billboards"] = tuple(complete(b, quality) for b in found.get("billboards", ()))
+    scene = Scene(
+        name=name,
+        raw=copy.deepcopy(raw),
+        file=str(where),
+        sources=place.sources,
+        root=place.root,
+        **found,
+    )
+    _check(scene, place)
+    return scene
+
+
+def _root(file: Path, root: str | Path | None) -> Path:
+    if root is not None:
+        if not Path(root).is_dir():
+            raise InputError(root, "root", str(root), "name a folder")
+        return Path(root)
+    for folder in file.absolute().parents:
+        if folder.name == "scenes":
+            return folder.parent
+    remedy = (
+        "put the scene into a folder named scenes, or name the folder of its sources with --root"
+    )
+    raise InputError(file, "", "not in a folder named scenes", remedy)
+
+
+def _check(scene: Scene, where: Where) -> None:
+    """Refuse what only several fields together show to be wrong."""
+    camera = scene.camera
+    times = np.union1d(camera.position.times, camera.target.times)
+    for t in times:
+        if np.linalg.norm(camera.position.at(t) - camera.target.at(t)) < 1e-6:
+            where.at("camera").at("target").refuse(
+                f"the camera's own position at {t:g} s", "look at another point"
+            )
+    if camera.lens and camera.lens.focus_distance.extremes[0] <= (
+        longest := camera.focal_length_mm.extremes[1] / 1000
+    ):
+        where.at("camera").at("lens").at("focus_distance").refuse(
+            camera.lens.focus_distance.extremes[0], f"focus beyond the focal length, {longest:g} m"
+        )
+    for i, light in enumerate(scene.lights):
+        if isinstance(light, Sun) and _nearest(light.to_light) < 1e-6:
+            where.at("lights").item(i).at("to_light").refuse(
+                light.to_light.values.tolist(), "keep the direction away from 0 at all times"
+            )
+    names = [billboards.name for billboards in scene.billboards]
+    for i, billboards in enumerate(scene.billboards):
+        place = where.at("billboards").item(i)
+        if billboards.name in names[:i]:
+            place.at("name").refuse(billboards.name, "give each set another name")
+        check(billboards, place)
+
+
+def _nearest(keys: Keyed) -> float:
+    """The least length that a keyed vector takes, at 64 moments between each two keys."""
+    share = np.arange(64) / 64
+    between = (keys.times[:-1, None] + np.diff(keys.times)[:, None] * share).ravel()
+    lengths = [np.linalg.norm(keys.at(t)) for t in [*between, keys.times[-1]]]
+    return float(min(lengths))

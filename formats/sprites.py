@@ -1,0 +1,150 @@
+# ruff: noqa: RUF009 -- item() is dataclasses.field() with the schema as its metadata
+"""Sets of sprites in a scene: what is baked, under which lights, and where the sprites stand."""
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats import schema
+from formats.instances import Instances, Scatter, placed
+from formats.schema import Where, item
+
+QUALITIES = ("draft", "balanced", "fine", "reference")
+MESHES = (".obj", ".ply", ".stl", ".glb")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ring:
+    """The circle of lights under which a sprite is baked."""
+
+    axis: Literal["view", "up"] = item(
+        "text", "axis of the ring: view = +z of the sprite, up = +y", "view", choices=("view", "up")
+    )
+    elevation: float = item(
+        "number", "of the lights above the plane of the ring", 30.0, unit="deg", low=-85, high=85
+    )
+    terms: int = item("integer", "circular harmonics, odd", 5, low=1, high=31)
+    lights: int = item(
+        "integer",
+        "lights on the ring, at least 3 a term",
+        None,
+        low=3,
+        high=4096,
+        by_quality=(24, 48, 64, 128),
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Billboards:
+    """One mesh baked as relit sprites, and where they stand."""
+
+    name: str = item("text", "of the set; letters, digits, - and _")
+    source: Path = item("source", "mesh", choices=MESHES)
+    height: float = item("number", "of the object", unit="m", low=1e-3, high=1e4)
+    ring: Ring = item("table", "lights of the bake", {}, table=Ring)
+    packing: Literal["chroma", "talk", "full"] = item(
+        "text", "how terms share textures", "chroma", choices=("chroma", "talk", "full")
+    )
+    views: int = item("integer", "sides from which it is baked, evenly about +y", 1, low=1, high=16)
+    resolution: int = item(
+        "integer",
+        "texels of the longer side of the object",
+        None,
+        low=8,
+        high=4096,
+        by_quality=(128, 256, 512, 1024),
+    )
+    samples: int = item(
+        "integer", "rays a texel", None, low=1, high=4096, by_quality=(4, 16, 36, 144)
+    )
+    transmission: float = item(
+        "number", "share of light that passes through double-sided faces", 0.35, low=0, high=1
+    )
+    gloss: float = item("number", "strength of the gloss of its materials", 0.0, low=0, high=1)
+    sky_fill: float = item(
+        "number", "light of an even sky, a share of the sun's", 0.0, low=0, high=10
+    )
+    sun_diameter: float = item(
+        "number", "angular, of each light of the ring", 0.53, unit="deg", low=0, high=90
+    )
+    positions: NDArray[np.float64] | None = item(
+        "numbers",
+        "ground points; either these or scatter",
+        None,
+        unit="m",
+        sizes=(3,),
+        low=-1e6,
+        high=1e6,
+    )
+    scale: NDArray[np.float64] | None = item(
+        "numbers", "factor on the height, one a position", None, low=1e-3, high=1e3
+    )
+    yaw: NDArray[np.float64] | None = item(
+        "numbers", "turn about +y, one a position", None, unit="deg", low=-360, high=360
+    )
+    flip: NDArray[np.bool_] | None = item("flags", "mirrored, one a position", None)
+    tint: NDArray[np.float64] | None = item(
+        "numbers", "factor on the colour, one a position", None, sizes=(3,), low=0, high=10
+    )
+    scatter: Scatter | None = item("table", "places by chance", None, table=Scatter)
+    shadow: bool = item("flag", "a shadow on the ground where they stand", True)
+
+    def instances(self) -> Instances:
+        """Every sprite of the set; the same for the same scene on every machine."""
+        if self.scatter is not None:
+            return self.scatter.instances()
+        return placed(self.positions, self.scale, self.yaw, self.flip, self.tint)
+
+
+def complete(billboards: Billboards, quality: int) -> Billboards:
+    """Fill what the set leaves open with the numbers of the quality."""
+    ring = billboards.ring
+    if ring.lights is None:
+        least = 3 * ring.terms
+        lights = max(schema.specs(Ring)["lights"].by_quality[quality], least)
+        ring = dataclasses.replace(ring, lights=lights)
+    left: dict[str, Any] = {
+        key: spec.by_quality[quality]
+        for key, spec in schema.specs(Billboards).items()
+        if spec.by_quality and getattr(billboards, key) is None
+    }
+    return dataclasses.replace(billboards, ring=ring, **left)
+
+
+def check(billboards: Billboards, where: Where) -> None:
+    """Refuse what only several fields of a set together show to be wrong."""
+    ring, place = billboards.ring, where.at("ring")
+    if ring.terms % 2 == 0:
+        place.at("terms").refuse(ring.terms, "write an odd number: 1 and a sine and a cosine each")
+    if ring.lights < 3 * ring.terms:
+        place.at("lights").refuse(ring.lights, f"write at least {3 * ring.terms}, 3 a term")
+    if billboards.packing != "full" and ring.terms < 5:
+        where.at("packing").refuse(billboards.packing, 'write "full", or at least 5 terms')
+    if billboards.packing == "talk" and ring.terms != 5:
+        where.at("packing").refuse("talk", "write 5 terms: that program has exactly five")
+    if (billboards.positions is None) == (billboards.scatter is None):
+        given = "neither" if billboards.positions is None else "both"
+        where.at("positions").refuse(given, "write either positions or scatter")
+    n = 0 if billboards.positions is None else len(billboards.positions)
+    for key in ("scale", "yaw", "flip", "tint"):
+        each = getattr(billboards, key)
+        if each is not None and len(each) != n:
+            where.at(key).refuse(f"{len(each)} items", f"write one a position, {n}")
+    if billboards.scatter is not None:
+        _check_scatter(billboards.scatter, where.at("scatter"))
+
+
+def _check_scatter(scatter: Scatter, where: Where) -> None:
+    if scatter.box.shape != (2, 3) or np.any(scatter.box[0] > scatter.box[1]):
+        remedy = "write two corners [[x0, y0, z0], [x1, y1, z1]], the lower first"
+        where.at("box").refuse(scatter.box.tolist(), remedy)
+    if scatter.height[0] > scatter.height[1]:
+        where.at("height").refuse(list(scatter.height), "write the lesser factor first")
+    try:
+        scatter.instances()
+    except ValueError as error:
+        where.at("clearing").refuse(str(error), "make it smaller, or the box larger")

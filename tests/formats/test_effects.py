@@ -1,0 +1,336 @@
+"""The effects table: decisions against closed forms, forcing, the lens over the animation."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from formats import effects, scene
+from formats.errors import InputError
+from formats.lens_blur import moments
+from formats.plan import FRAME, EffectPlan
+from maths import colour, optics, transforms
+
+SPRITES = {"name": "oak", "source": "oak.glb", "height": 2.0, "positions": [[0, 0, 0]]}
+
+
+def made(**changes: Any) -> scene.Scene:
+    """One sprite 10 m in front of a level camera without a lens; changes go over the raw scene."""
+    raw: dict[str, Any] = {
+        "format": 1,
+        "camera": {"position": [0, 1, 10], "target": [0, 1, 0]},
+        "billboards": [SPRITES],
+    }
+    for key, value in changes.items():
+        if key in ("lens", "position", "focal_length_mm"):
+            raw["camera"][key] = value
+        else:
+            raw[key] = value
+    return scene.from_dict(raw, where="a.toml", root=None)
+
+
+def decided(found: scene.Scene, name: str, lines: int = 1080) -> EffectPlan:
+    return {effect.name: effect for effect in effects.decide(found, lines=lines)}[name]
+
+
+def lens(f_number: Any = 2.0, focus_distance: Any = 5.0) -> dict[str, Any]:
+    return {"f_number": f_number, "focus_distance": focus_distance}
+
+
+def test_the_table_is_in_frame_order() -> None:
+    assert tuple(row.name for row in effects.EFFECTS) == FRAME
+
+
+def test_the_least_scene_calls_only_for_sprites_and_film() -> None:
+    called = [effect.name for effect in effects.decide(made()) if effect.called]
+    assert called == ["billboard", "film"]
+
+
+def test_every_reason_is_one_line_and_every_bound_has_a_unit() -> None:
+    for found in (made(), everything()):
+        for effect in effects.decide(found):
+            assert effect.reason
+            assert "\n" not in effect.reason
+            assert (effect.bound is None) == (effect.unit == "")
+
+
+def everything() -> scene.Scene:
+    return made(
+        lens=lens(),
+        lights=[{"type": "environment", "source": "a.exr"}],
+        ground={},
+        picture={
+            "sky": {"zenith": [0, 0, 1], "horizon": [1, 1, 1]},
+            "fog": {"extinction": 0.01, "radiance": [1, 1, 1]},
+        },
+    )
+
+
+def test_a_whole_scene_calls_for_everything() -> None:
+    assert tuple(e.name for e in effects.decide(everything()) if e.called) == FRAME
+    assert decided(everything(), "billboard").kinds == ("billboard",)
+    assert decided(everything(), "environment").kinds == ("environment",)
+
+
+@pytest.mark.parametrize(
+    ("scale", "called", "bound"),
+    [
+        (0.0, False, 0.0),
+        ([0, 0, 0.5], True, 0.5),
+        ({"times": [0, 1], "values": [0, 0.25]}, True, 0.25),
+        ({"times": [0, 1], "values": [0, 0]}, False, 0.0),
+    ],
+)
+def test_an_environment_is_called_for_where_it_ever_shines(
+    scale: Any, called: bool, bound: float
+) -> None:
+    lights = [{"type": "environment", "source": "a.exr", "scale": scale}]
+    effect = decided(made(lights=lights), "environment")
+    assert (effect.called, effect.bound) == (called, bound)
+
+
+def test_sprites_are_counted() -> None:
+    assert decided(made(), "billboard").bound == 1
+    empty = made(billboards=[{**SPRITES, "positions": []}], lens=lens())
+    assert not decided(empty, "billboard").called
+    assert not decided(empty, "depth_of_field").called
+
+
+# Depth of field
+
+
+def test_the_circle_of_confusion_is_the_closed_form() -> None:
+    effect = decided(made(lens=lens()), "depth_of_field")
+    # A f |d - d_f| / (d (d_f - f)) on a sensor 24 mm high, seen by 1080 lines
+    f, d, focus = 0.05, 10.0, 5.0
+    expected = (f / 2.0) * f * (d - focus) / (d * (focus - f)) / 0.024 * 1080
+    assert effect.called
+    # The same formula in another order: a few roundings
+    assert effect.bound == pytest.approx(expected, rel=1e-14)
+    assert "oak at 10 m" in effect.reason
+
+
+def test_the_bound_follows_the_lines_of_the_picture() -> None:
+    found = made(lens=lens())
+    half = decided(found, "depth_of_field", lines=540).bound
+    assert decided(found, "depth_of_field", lines=1080).bound == pytest.approx(2 * half, rel=1e-14)
+
+
+def test_less_than_half_a_pixel_is_left_out() -> None:
+    circle = float(optics.circle_of_confusion(10.0, 0.05, 2.0, 5.0))
+    lines_for_half = 0.5 * 0.024 / circle
+    below, above = int(lines_for_half), int(lines_for_half) + 1
+    found = made(lens=lens())
+    assert not decided(found, "depth_of_field", lines=below).called
+    assert decided(found, "depth_of_field", lines=above).called
+
+
+def test_sprites_in_focus_need_no_lens() -> None:
+    effect = decided(made(lens=lens(focus_distance=10.0)), "depth_of_field")
+    assert not effect.called
+    assert effect.bound == 0.0
+
+
+def test_a_focus_pull_counts_at_its_worst_moment() -> None:
+    pull = {"times": [0, 1, 2], "values": [10, 4, 10], "interpolation": "smooth"}
+    found = made(lens=lens(focus_distance=pull), time={"duration": 2})
+    expected = optics.circle_of_confusion(10.0, 0.05, 2.0, 4.0) / 0.024 * 1080
+    # The key itself is sampled: only the order of the roundings differs
+    assert decided(found, "depth_of_field").bound == pytest.approx(float(expected), rel=1e-14)
+    assert "1 s" in decided(found, "depth_of_field").reason
+
+
+def test_a_key_between_frames_is_sampled() -> None:
+    pull = {"times": [0.011, 0.012, 0.013], "values": [10, 4, 10]}
+    found = made(lens=lens(focus_distance=pull), time={"duration": 86400})
+    assert decided(found, "depth_of_field").called
+    after = made(lens=lens(focus_distance=pull), time={"duration": 0.0105})
+    assert not decided(after, "depth_of_field").called
+
+
+def test_moments_are_few_and_include_both_ends() -> None:
+    assert moments(made(lens=lens(), time={"duration": 9})).tolist() == [0.0]
+    pull = {"times": [-1, 3.3, 20], "values": [4, 5, 6]}
+    found = moments(made(lens=lens(focus_distance=pull), time={"duration": 9, "frame_rate": 2}))
+    assert found.tolist() == sorted([*np.linspace(0, 9, 19), 3.3])
+    long = moments(made(lens=lens(focus_distance=pull), time={"duration": 9000}))
+    # 256 evenly, and the keys at 3.3 s and 20 s
+    assert len(long) == 258
+
+
+def test_what_the_camera_never_sees_does_not_count() -> None:
+    behind = {**SPRITES, "positions": [[0, 0, 30]]}
+    aside = {**SPRITES, "positions": [[40, 0, 0]]}
+    for sprites in (behind, aside):
+        effect = decided(made(billboards=[sprites], lens=lens()), "depth_of_field")
+        assert not effect.called
+        assert "sees no sprite" in effect.reason
+
+
+def test_nothing_that_reaches_into_the_picture_is_left_out(rng: np.random.Generator) -> None:
+    positions = rng.uniform([-12, -3, -20], [12, 3, 12], (400, 3))
+    sprites = {**SPRITES, "positions": positions.tolist()}
+    found = made(billboards=[sprites], lens=lens(focus_distance=30.0), position=[0, 2, 10])
+    bound = decided(found, "depth_of_field").bound
+    # The slow, obvious way: points all over each sprite, twice as wide as high, in a 2.39:1 picture
+    view = transforms.look_at([0, 2, 10], [0, 1, 0])
+    clip = transforms.perspective(50, 24, 2.39, scene.NEAR, np.inf) @ view
+    worst = 0.0
+    for p in positions:
+        for up in np.linspace(0, 2, 9):
+            for side in np.linspace(-2, 2, 9):
+                point = clip @ [p[0] + side, p[1] + up, p[2], 1.0]
+                if point[3] > scene.NEAR and np.all(np.abs(point[:2]) <= point[3]):
+                    circle = optics.circle_of_confusion(point[3], 0.05, 2.0, 30.0)
+                    worst = max(worst, float(circle) / 0.024 * 1080)
+    assert worst > 1.0
+    # Depth is linear over a sprite, so an end is worst; two ways to round the same depth
+    assert bound >= worst * (1 - 1e-12)
+
+
+def test_sprites_forced_off_need_no_lens() -> None:
+    assert not decided(made(lens=lens(), force={"billboard": False}), "depth_of_field").called
+
+
+def test_the_largest_lod_is_the_closed_form() -> None:
+    found = made(lens=lens())
+    # On the sprite a circle on the sensor grows by d / f: A |d - d_f| / (d_f - f)
+    metres = (0.05 / 2.0) * 5.0 / (5.0 - 0.05)
+    lod = effects.largest_lod(found, found.billboards[0], 200.0)
+    assert lod == pytest.approx(np.log2(metres * 200.0), abs=1e-13)
+    wider = effects.largest_lod(found, found.billboards[0], 200.0, lens_scale=2.0)
+    assert wider == pytest.approx(lod + 1.0, abs=1e-13)
+    assert effects.largest_lod(found, found.billboards[0], 1.0) == 0.0
+
+
+def test_a_larger_instance_blurs_by_fewer_texels() -> None:
+    sets = [{**SPRITES, "positions": [[0, 0, 0]], "scale": [s]} for s in (1.0, 2.0)]
+    found = [made(billboards=[s], lens=lens()) for s in sets]
+    lods = [effects.largest_lod(s, s.billboards[0], 200.0) for s in found]
+    assert lods[0] - lods[1] == pytest.approx(1.0, abs=1e-13)
+
+
+def test_without_a_called_lens_no_lod_is_needed() -> None:
+    for found in (
+        made(),
+        made(lens=lens(focus_distance=10.0)),
+        made(lens=lens(), force={"depth_of_field": False}),
+    ):
+        assert effects.largest_lod(found, found.billboards[0], 1e6) == 0.0
+
+
+# Fog
+
+
+def fog(extinction: Any, radiance: Any = (1.0, 1.0, 1.0), **more: Any) -> dict[str, Any]:
+    return {"fog": {"extinction": extinction, "radiance": list(radiance), **more}}
+
+
+def test_fog_without_extinction_is_left_out() -> None:
+    effect = decided(made(picture=fog(0.0)), "fog")
+    assert (effect.called, effect.bound) == (False, 0.0)
+
+
+def test_fog_is_measured_at_the_farthest_sprite_in_codes() -> None:
+    # Behind thin fog of radiance 1, black changes most: to 1 - transmittance
+    picture = {**fog(1e-3), "film": {"tonemap": "linear"}}
+    effect = decided(made(picture=picture), "fog")
+    distance = np.linalg.norm([0, 1, 10])
+    expected = 255 * colour.srgb_encode(1 - np.exp(-1e-3 * distance))
+    assert effect.called
+    assert effect.bound == pytest.approx(float(expected), rel=1e-12)
+
+
+@pytest.mark.parametrize(("codes", "called"), [(0.49, False), (0.51, True)])
+def test_fog_of_less_than_half_a_code_is_left_out(codes: float, called: bool) -> None:
+    share = float(colour.srgb_decode(codes / 255))
+    extinction = -np.log1p(-share) / np.linalg.norm([0, 1, 10])
+    picture = {**fog(extinction), "film": {"tonemap": "linear"}}
+    effect = decided(made(picture=picture), "fog")
+    assert effect.called is called
+    assert effect.bound == pytest.approx(codes, rel=1e-9)
+
+
+def test_exposure_counts() -> None:
+    dim = {**fog(1e-6, (1e-3,) * 3), "film": {"tonemap": "linear", "exposure": 0}}
+    bright = {
+        **dim,
+        "film": {"tonemap": "linear", "exposure": {"times": [0, 1], "values": [0, 20]}},
+    }
+    assert not decided(made(picture=dim), "fog").called
+    assert decided(made(picture=bright), "fog").called
+
+
+def test_dark_fog_hides_what_is_bright() -> None:
+    picture = {**fog(0.05, (0, 0, 0)), "film": {"tonemap": "linear"}}
+    assert decided(made(picture=picture), "fog").called
+
+
+def test_the_horizon_is_farther_than_any_sprite() -> None:
+    effect = decided(made(picture=fog(1e-6), ground={}), "fog")
+    # Of a sphere of 6,371 km from 1 m: sqrt(2 R h)
+    assert "the horizon at 3,570 m" in effect.reason
+
+
+def test_fog_alone_veils_nothing() -> None:
+    effect = decided(made(billboards=[], picture=fog(1.0)), "fog")
+    assert (effect.called, effect.bound) == (False, 0.0)
+
+
+def test_fog_that_thins_with_height_counts_where_it_is_thickest() -> None:
+    low = [{**SPRITES, "positions": [[0, -10, 0]]}]
+    thin = decided(made(billboards=low, picture=fog(1e-5)), "fog").bound
+    thick = decided(made(billboards=low, picture=fog(1e-5, falloff=0.5)), "fog").bound
+    same = decided(made(billboards=low, picture=fog(1e-5 * np.exp(5.0))), "fog").bound
+    assert thick > thin
+    assert thick == pytest.approx(same, rel=1e-12)
+
+
+def test_extreme_fog_is_finite() -> None:
+    far = [{**SPRITES, "positions": [[0, -1e6, 0]]}]
+    picture = {**fog(1e3, (1e6,) * 3, falloff=1e3), "film": {"exposure": 32}}
+    assert decided(made(billboards=far, picture=picture), "fog").bound == pytest.approx(255.0)
+
+
+# Forcing
+
+
+def test_an_effect_can_be_forced_off_and_on() -> None:
+    off = decided(made(lens=lens(), force={"depth_of_field": False}), "depth_of_field")
+    assert (off.called, off.forced) == (False, True)
+    assert off.reason.startswith("forced off, although the largest circle")
+    in_focus = lens(focus_distance=10.0)
+    on = decided(made(lens=in_focus, force={"depth_of_field": True}), "depth_of_field")
+    assert (on.called, on.forced) == (True, True)
+    assert on.reason.startswith("forced on, although")
+    agreed = decided(made(force={"billboard": True}), "billboard")
+    assert agreed.reason.startswith("forced on, as 1 sprite")
+    assert not decided(made(), "billboard").forced
+
+
+@pytest.mark.parametrize(
+    ("name", "table"),
+    [
+        ("depth_of_field", "camera.lens"),
+        ("fog", "picture.fog"),
+        ("sky", "picture.sky"),
+        ("ground", "[ground]"),
+        ("environment", 'a light of type "environment"'),
+        ("billboard", "[[billboards]]"),
+    ],
+)
+def test_what_is_not_described_cannot_be_forced(name: str, table: str) -> None:
+    bare = made(billboards=[], force={name: True})
+    with pytest.raises(InputError) as caught:
+        effects.decide(bare)
+    assert caught.value.field == f"force.{name}"
+    assert caught.value.file == "a.toml"
+    assert table in caught.value.remedy
+    # Forcing off what is not there is no mistake
+    assert not decided(made(billboards=[], force={name: False}), name).called
+
+
+def test_film_cannot_be_forced_off() -> None:
+    with pytest.raises(InputError, match=r"force\.film"):
+        effects.decide(made(force={"film": False}))
+    assert decided(made(force={"film": True}), "film").called
