@@ -1,0 +1,194 @@
+"""Light as the shaders take it: circular-harmonic coefficients per sprite, and suns and balls for the ground.
+
+Sprites stand upright and share the camera's yaw, so a sun or an environment has one projection for a
+whole set; sphere lights are projected per sprite, from its centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.scene import EnvironmentLight, Sphere, Sun
+from maths import circular_harmonics, transforms
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SunState:
+    """A sun at one moment: unit direction towards it, perpendicular irradiance, radius in radians."""
+
+    to_light: Array
+    irradiance: Array
+    radius: float
+
+
+@dataclass(frozen=True, eq=False)
+class SphereState:
+    """A glowing ball at one moment."""
+
+    position: Array
+    radius: float
+    radiance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentState:
+    """An environment at one moment: its number among the scene's lights, factor (3,), turn in radians."""
+
+    index: int
+    factor: Array
+    rotate: float
+
+
+@dataclass(frozen=True, eq=False)
+class Lights:
+    """Every light of the scene at one moment."""
+
+    suns: tuple[SunState, ...]
+    spheres: tuple[SphereState, ...]
+    environments: tuple[EnvironmentState, ...]
+
+
+def at(scene: Any, time: float, turn: tuple[float, float] = (0.0, 0.0)) -> Lights:
+    """Return the scene's lights at `time` seconds.
+
+    turn : (azimuth, elevation) radians added to the first sun, for a viewer. Where there is a ground,
+    a sun fades as its disc sets behind the horizon.
+    """
+    suns, spheres, environments = [], [], []
+    for index, light in enumerate(scene.lights):
+        if isinstance(light, Sun):
+            direction = light.direction(time)
+            if not suns and any(turn):
+                direction = turned(direction, *turn)
+            radius = np.radians(light.angular_diameter) / 2
+            up = above_horizon(direction, radius) if scene.ground else 1.0
+            suns.append(SunState(direction, np.asarray(light.irradiance.at(time)) * up, radius))
+        elif isinstance(light, Sphere):
+            spheres.append(SphereState(light.position.at(time), light.radius, light.radiance.at(time)))
+        elif isinstance(light, EnvironmentLight):
+            turn_of_map = np.radians(light.rotate)
+            environments.append(EnvironmentState(index, light.factor(time), turn_of_map))
+    return Lights(tuple(suns), tuple(spheres), tuple(environments))
+
+
+def turned(direction: Array, azimuth: float, elevation: float) -> Array:
+    """Turn a unit direction about +y by `azimuth` and raise it by `elevation`, both radians."""
+    x, y, z = direction
+    height = np.clip(np.arcsin(np.clip(y, -1, 1)) + elevation, -np.pi / 2, np.pi / 2)
+    around = np.arctan2(x, z) + azimuth
+    level = np.cos(height)
+    return np.array([level * np.sin(around), np.sin(height), level * np.cos(around)])
+
+
+def above_horizon(direction: Array, radius: float) -> float:
+    """Share of a disc's area above the horizon (a disc of radius 0 counts as the real sun's)."""
+    radius = max(radius, np.radians(0.53) / 2)
+    x = float(np.clip(np.arcsin(np.clip(direction[1], -1, 1)) / radius, -1, 1))
+    return 0.5 + (x * np.sqrt(1 - x * x) + np.arcsin(x)) / np.pi
+
+
+class SpriteLighting:
+    """Projects lights for sets of sprites; keeps the projections that cost something."""
+
+    def __init__(self) -> None:
+        self._maps: dict[int, Array] = {}
+        self._kept: dict[tuple[Any, ...], Array] = {}
+
+    def take(self, environments: dict[int, NDArray[np.floating]]) -> None:
+        """Take environment maps: number among the scene's lights -> lat-long radiance (h, w, 3)."""
+        self._maps = {index: shrunk(radiance) for index, radiance in environments.items()}
+
+    def project(
+        self, lights: Lights, ring: Any, yaw: float, centres: Array, flip: NDArray[np.bool_]
+    ) -> tuple[Array, NDArray[np.int64]]:
+        """Return (rows, index): row index[i] of `rows` (m, K, 3) lights the sprite i.
+
+        yaw : of the camera, radians. centres : (n, 3) of the sprites, metres. flip : (n,) mirrored
+        sprites, whose light is mirrored along x (t -> pi - t) just as their picture is.
+        """
+        basis = {"axis": ring.axis, "elevation": ring.elevation, "one_sided": ring.one_sided}
+        shared = np.zeros((ring.terms, 3))
+        sprite_from_world = transforms.rotation("y", -yaw)
+        for sun in lights.suns:
+            direction = sprite_from_world @ sun.to_light
+            shared += circular_harmonics.project_sun(
+                direction, sun.irradiance, ring.terms, **basis
+            )
+        for environment in (e for e in lights.environments if e.index in self._maps):
+            shared += self._environment(environment, ring, yaw, basis) * environment.factor
+        mirror = mirror_signs(ring.terms)[:, None]
+        if not lights.spheres:
+            return np.stack([shared, shared * mirror]), flip.astype(np.int64)
+        rows = np.repeat(shared[None], len(centres), axis=0)
+        for ball in lights.spheres:
+            offset = (ball.position - centres) @ sprite_from_world.T
+            rows += circular_harmonics.project_sphere(
+                offset, ball.radius, ball.radiance, ring.terms, **basis
+            )
+        rows[flip] *= mirror
+        return rows, np.arange(len(centres))
+
+    def _environment(self, state: EnvironmentState, ring: Any, yaw: float, basis: Any) -> Array:
+        turn = yaw - state.rotate
+        # About the up axis a turn only rotates the series: project once for all yaws
+        seen_from = 0.0 if ring.axis == "up" else round(turn, 9)
+        key = (state.index, ring.terms, *basis.values(), seen_from)
+        if key not in self._kept:
+            if ring.axis == "view":
+                self._kept = {k: v for k, v in self._kept.items() if k[:-1] != key[:-1]}
+            self._kept[key] = circular_harmonics.project_environment(
+                self._maps[state.index], ring.terms, **basis, yaw=seen_from
+            )
+        found = self._kept[key]
+        return circular_harmonics.rotate(found, -turn, axis=0) if ring.axis == "up" else found
+
+
+def mirror_signs(terms: int) -> Array:
+    """Factors (K,) of a series under t -> pi - t: sin(h t) keeps odd h, cos(h t) keeps even h.
+
+    >>> mirror_signs(5).tolist()
+    [1.0, 1.0, -1.0, -1.0, 1.0]
+    """
+    k = np.arange(terms)
+    harmonic, is_cosine = (k + 1) // 2, k % 2 == 0
+    return np.where((harmonic % 2 == 0) == is_cosine, 1.0, -1.0)
+
+
+def shrunk(radiance: NDArray[np.floating], height: int = 32) -> Array:
+    """Average a lat-long map down to about `height` rows: low harmonics need no more.
+
+    Rows are averaged by solid angle, so that the map's total power stays.
+    """
+    h, w, _ = radiance.shape
+    factor = max(1, h // height)
+    if h % factor or w % factor:
+        return np.asarray(radiance, np.float64)
+    weight = transforms.latlong_solid_angles(h, w)[:, None, None]
+    blocks = (radiance * weight).reshape(h // factor, factor, w // factor, factor, 3)
+    total = weight.reshape(h // factor, factor).sum(axis=1)[:, None, None] * factor
+    return np.asarray(blocks.sum(axis=(1, 3), dtype=np.float64) / total)
+
+
+def irradiance_from_above(radiance: NDArray[np.floating]) -> Array:
+    """Irradiance (3,) of an environment (h, w, 3) on a level plane: integral of L cos over the top half."""
+    h, w, _ = radiance.shape
+    edges = np.cos(np.pi * np.arange(h + 1) / h)
+    # Exact integral of cos over a row's band, 0 below the horizon
+    clipped = np.maximum(edges, 0.0)
+    band = 0.5 * (clipped[:-1] ** 2 - clipped[1:] ** 2) * (2 * np.pi / w)
+    return np.einsum("hwc,h->c", np.asarray(radiance, np.float64), band)
+
+
+def ambient(maps: dict[int, Array], environments: Sequence[EnvironmentState]) -> Array:
+    """Irradiance (3,) of all environments on the ground; `maps` hold it per environment."""
+    found = np.zeros(3)
+    for state in environments:
+        found += maps[state.index] * state.factor
+    return found

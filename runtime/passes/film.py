@@ -1,0 +1,49 @@
+"""The last step: exposure, vignette, tone curve, sRGB, and a dither of half an 8-bit code.
+
+The vignette is the natural one of a lens, cos^4 of the angle off axis, in the amount asked for.
+Reads colour, writes picture (RGBA8).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from runtime.shader import SCREEN, set_uniforms
+
+HERE = Path(__file__).parent
+
+
+class Pass:
+    """Develops the linear picture."""
+
+    reads = ("colour",)
+    writes = ("picture",)
+
+    def __init__(self, player: Any) -> None:
+        self._player = player
+        self._film = player.scene.picture.film
+        defines = {"FILMIC": self._film.tonemap == "filmic"}
+        self._array = player.vertex_array(
+            player.programs.get(SCREEN, HERE / "film.frag", defines, {})
+        )
+
+    def draw(self, time: float) -> None:
+        """Develop the frame of `time` seconds."""
+        player = self._player
+        width, height = player.targets.size
+        values = {
+            "colour_target": 0,
+            "exposure": 2.0 ** self._film.exposure.at(time),
+            "vignette": self._film.vignette,
+            "half_size": tuple(np.array([width, height]) / np.hypot(width, height)),
+            "frame_number": round(time * player.scene.time.frame_rate) & 0x7FFFFFFF,
+        }
+        set_uniforms(self._array.program, values)
+        player.targets.texture("colour").use(0)
+        player.targets.target("picture", dtype="f1").use()
+        player.ctx.enable_only(moderngl.NOTHING)
+        player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)

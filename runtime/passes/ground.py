@@ -1,0 +1,74 @@
+"""An endless level ground under suns, balls and sky, with the sprites' shadows and contact.
+
+Writes shade, colour and depth; reads nothing. Shadows take the sun's share only, so they keep the
+colour of the sky.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from runtime.ground_shadows import GroundShadows
+from runtime.shader import SCREEN, set_uniforms
+
+HERE = Path(__file__).parent
+
+
+class Pass:
+    """Draws the plane y = height."""
+
+    reads: tuple[str, ...] = ()
+    writes = ("colour", "depth")
+
+    def __init__(self, player: Any) -> None:
+        self._player = player
+        self._ground = player.scene.ground
+        kinds = [light.type for light in player.scene.lights]
+        self._lens = "depth_of_field" in player.called
+        defines = {
+            "SUNS": kinds.count("sun"),
+            "SPHERES": kinds.count("sphere"),
+            "LENS": self._lens,
+        }
+        self._array = player.vertex_array(
+            player.programs.get(SCREEN, HERE / "ground.frag", defines, {})
+        )
+        self._shadows = GroundShadows(player, self._lens)
+
+    def draw(self, time: float) -> None:
+        """Draw the ground of `time` seconds."""
+        player, ground = self._player, self._ground
+        lens = player.passes["depth_of_field"].uniforms(player.view) if self._lens else {}
+        self._shadows.draw(ground.height, lens)
+        values = {
+            **player.view.uniforms(player.targets.size),
+            **lens,
+            **self._lights(),
+            "height": ground.height,
+            "albedo": tuple(ground.albedo),
+            "accent": tuple(ground.accent),
+            "scale": ground.scale,
+            "shade": 0,
+        }
+        set_uniforms(self._array.program, values)
+        player.targets.texture("shade").use(0)
+        player.targets.target("colour", "depth").use()
+        player.ctx.enable_only(moderngl.DEPTH_TEST)
+        player.ctx.depth_func = "<="
+        player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)
+
+    def _lights(self) -> dict[str, Any]:
+        lights, passes = self._player.lights, self._player.passes
+        ambient = passes["environment"].ambient(lights) if "environment" in passes else np.zeros(3)
+        found: dict[str, Any] = {"ambient": tuple(ambient)}
+        if lights.suns:
+            found["sun_direction"] = [tuple(sun.to_light) for sun in lights.suns]
+            found["sun_light"] = [tuple(sun.irradiance) for sun in lights.suns]
+        if lights.spheres:
+            found["sphere_place"] = [(*ball.position, ball.radius) for ball in lights.spheres]
+            found["sphere_light"] = [tuple(ball.radiance) for ball in lights.spheres]
+        return found

@@ -1,0 +1,54 @@
+"""A gradient sky with the first sun's glow, behind what is opaque. Reads depth, writes colour."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from runtime.shader import SCREEN, set_uniforms
+
+HERE = Path(__file__).parent
+DISC = 12.0  # radiance of the sun's disc over that of its glow; the film shows no more
+
+
+class Pass:
+    """Fills the picture wherever no opaque thing stands."""
+
+    reads = ("depth",)
+    writes = ("colour",)
+
+    def __init__(self, player: Any) -> None:
+        self._player = player
+        self._sky = player.scene.picture.sky
+        self._glow = self._sky.glow is not None and any(
+            light.type == "sun" for light in player.scene.lights
+        )
+        self._array = player.vertex_array(
+            player.programs.get(SCREEN, HERE / "sky.frag", {"GLOW": self._glow}, {})
+        )
+
+    def draw(self, time: float) -> None:
+        """Draw the sky of `time` seconds."""
+        player = self._player
+        values = {
+            **player.view.uniforms(player.targets.size),
+            "zenith": tuple(self._sky.zenith.at(time)),
+            "horizon": tuple(self._sky.horizon.at(time)),
+        }
+        if self._glow:
+            sun = player.lights.suns[0]
+            values |= {
+                "glow": tuple(self._sky.glow.at(time)),
+                "to_sun": tuple(sun.to_light),
+                "sun_radius": max(sun.radius, np.radians(0.53) / 2),
+                "disc": DISC,
+            }
+        set_uniforms(self._array.program, values)
+        player.targets.target("colour", "depth").use()
+        # The screen triangle lies at infinity: only untouched depth lets it through
+        player.ctx.enable_only(moderngl.DEPTH_TEST)
+        player.ctx.depth_func = "<="
+        player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)

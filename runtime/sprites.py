@@ -1,0 +1,129 @@
+"""The sprites of a scene on the card: one texture array a set, and where every sprite stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from runtime import upload
+
+Array = NDArray[np.float64]
+PACKINGS = {"full": 0, "chroma": 1, "talk": 2}
+
+
+@dataclass(eq=False)
+class SpriteSet:
+    """One set: asset, texture and instances.
+
+    scale : (n,) factor on the asset's metres per texel. boxes : (levels, 4) texture coordinates of what
+    is not empty at this level or a finer one, edges of the bilinear filter included.
+    foot, crown : half widths, metres at scale 1, near the ground point and of the whole object.
+    cover : mean coverage inside the object's own box.
+    """
+
+    name: str
+    asset: Any
+    texture: Any
+    positions: Array
+    scale: Array
+    yaw: Array
+    flip: NDArray[np.bool_]
+    tint: Array
+    shadow: bool
+    boxes: Array
+    foot: float
+    crown: float
+    cover: float
+
+    @property
+    def centres(self) -> Array:
+        """(n, 3) middle of the objects, metres."""
+        return self.positions + np.array([0.0, 0.5, 0.0]) * (self.asset.height * self.scale)[:, None]
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """How the shader unpacks this set."""
+        asset = self.asset
+        simple = asset.packing == "full" or asset.ring.terms < 5
+        packing = PACKINGS["full" if simple else asset.unpack]
+        return {"TERMS": asset.ring.terms, "PLANES": asset.planes, "PACKING": packing}
+
+    def view_from(self, azimuth: Array) -> NDArray[np.int64]:
+        """Return the baked view (n,) nearest to azimuths (n,) about +y, radians, as seen from the sprites."""
+        step = 2 * np.pi / self.asset.views
+        return np.rint((azimuth - self.yaw) / step).astype(np.int64) % self.asset.views
+
+    def decoding(self) -> tuple[bytes, bytes]:
+        """Return (scale, offset) float32 bytes, (P, 4) each: value = texel as OpenGL reads it * scale + offset."""
+        return tuple(a.astype("f4").tobytes() for a in decoding(self.asset))  # type: ignore[return-value]
+
+
+def decoding(asset: Any) -> tuple[Array, Array]:
+    """Return (scale, offset), (P, 4) each, that decode a texel as the card reads it: 0..1, or a float."""
+    scale = np.array(asset.scales, np.float64)
+    offset = np.zeros_like(scale)
+    if asset.levels[0].dtype == np.uint8:
+        # (q - 128) / 127 where the card gives q / 255
+        offset[1:] = scale[1:] * (-128 / 127)
+        scale[1:] *= 255 / 127
+    return scale, offset
+
+
+def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
+    """Upload the asset of one set of the scene and place its instances."""
+    instances = billboards.instances()
+    texture = upload.texture_array(ctx, asset.levels, f"billboard/{billboards.name}")
+    frame.adopt(texture, upload.byte_count(asset.levels))
+    factor = billboards.height / asset.height
+    foot, crown, cover = outline(asset)
+    return SpriteSet(
+        name=billboards.name,
+        asset=asset,
+        texture=texture,
+        positions=np.asarray(instances.positions, np.float64),
+        scale=np.asarray(instances.scale, np.float64) * factor,
+        yaw=np.asarray(instances.yaw, np.float64),
+        flip=np.asarray(instances.flip, bool),
+        tint=np.asarray(instances.tint, np.float64),
+        shadow=billboards.shadow,
+        boxes=boxes(asset.levels, asset.planes),
+        foot=foot,
+        crown=crown,
+        cover=cover,
+    )
+
+
+def boxes(levels: Any, planes: int) -> Array:
+    """Return (levels, 4) boxes (left, top, right, bottom), 0..1, outside which a level's coverage is 0.
+
+    Each box holds those of the finer levels too and one texel more for the bilinear filter; a set that
+    is empty everywhere gets empty boxes.
+    """
+    found = np.empty((len(levels), 4))
+    grown = np.array([1.0, 1.0, 0.0, 0.0])
+    for n, level in enumerate(levels):
+        filled = (level[::planes, ..., 3] > 0).any(axis=0)
+        h, w = filled.shape
+        rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
+        if len(rows):
+            box = [columns[0] - 1, rows[0] - 1, columns[-1] + 2, rows[-1] + 2] / np.array([w, h, w, h])
+            grown = np.append(np.minimum(grown[:2], box[:2]), np.maximum(grown[2:], box[2:]))
+        found[n] = np.clip(grown, 0, 1)
+    return np.where(found[:, :1] < found[:, 2:3], found, 0.0)
+
+
+def outline(asset: Any) -> tuple[float, float, float]:
+    """Return (foot, crown, cover): half widths in metres near the ground and overall, mean coverage."""
+    cover = asset.levels[0][0, ..., 3].astype(np.float64) * asset.scales[0, 3]
+    cover = cover / 255 if asset.levels[0].dtype == np.uint8 else cover
+    rows = np.flatnonzero(cover.max(axis=1) > 0.1)
+    if not len(rows):
+        return 0.0, 0.0, 0.0
+    columns = np.flatnonzero(cover.max(axis=0) > 0.1)
+    inside = cover[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    low = inside[-max(1, len(inside) // 16) :]
+    foot = np.quantile(low.sum(axis=1), 0.75) * asset.metres_per_texel / 2
+    return float(foot), len(columns) * asset.metres_per_texel / 2, float(inside.mean())
