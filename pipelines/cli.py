@@ -1,0 +1,176 @@
+"""The command line: parse, call, print. Every error a user can cause is one line and an exit code.
+
+Exit codes: 0; 1 our bug; 2 input; 3 machine (no OpenGL, disk full); 4 damaged asset; 130
+interrupted.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from formats.errors import BakelightError
+
+BUILD = Path("build")
+file_path = click.Path(path_type=Path)
+build_option = click.option(
+    "--build",
+    type=file_path,
+    default=BUILD,
+    show_default=True,
+    help="Folder of store, scenes, renders.",
+)
+root_option = click.option(
+    "--root",
+    type=file_path,
+    default=None,
+    help="Asset root; default: the folder that holds scenes/.",
+)
+jobs_option = click.option(
+    "--jobs", type=click.IntRange(0), default=0, help="Threads; 0: one a core."
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on standard output.")
+
+
+@click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(package_name="bakelight")
+def cli() -> None:
+    """Bake light ahead of time, then play it back."""
+
+
+@cli.command()
+@click.argument("scene", type=file_path)
+@root_option
+@build_option
+@jobs_option
+@click.option(
+    "--only", type=click.Choice(["billboard", "environment"]), help="Bake one kind alone."
+)
+@json_option
+def bake(
+    scene: Path, root: Path | None, build: Path, jobs: int, only: str | None, as_json: bool
+) -> None:
+    """Bake what SCENE calls for into build/scenes/NAME."""
+    from pipelines import output
+    from pipelines.bake_scene import bake_scene
+
+    output.use_threads(jobs)
+    with output.bars() as bar:
+        done = bake_scene(scene, root=root, build_folder=build, only=only, on_progress=bar)
+    output.baked(done, as_json)
+
+
+@cli.command()
+@click.argument("scene", type=file_path)
+@root_option
+@build_option
+@click.option(
+    "--lines",
+    type=click.IntRange(1, 16384),
+    default=1080,
+    help="Picture height that bounds are for.",
+)
+@json_option
+def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool) -> None:
+    """Tell which effects SCENE calls for, which not, why, and what they cost."""
+    from pipelines import output
+
+    output.planned(scene, root, build, lines, as_json)
+
+
+@cli.command()
+@click.argument("scene", type=file_path)
+@click.option(
+    "-o", "--output", "out", type=file_path, required=True, help="File or folder (ends with /)."
+)
+@click.option("--size", default="1280x720", show_default=True, help="Width x height in pixels.")
+@click.option(
+    "--time", "times", type=float, multiple=True, help="Seconds; several give several stills."
+)
+@click.option(
+    "--frames", help="A:B, frame numbers, B left out; for a sequence, .gif, .webp or .mp4."
+)
+@click.option("--profile", is_flag=True, help="Print milliseconds, programs, textures a pass.")
+@root_option
+@build_option
+@jobs_option
+@json_option
+def render(
+    scene: Path, out: Path, size: str, times: tuple[float, ...], frames: str | None, profile: bool,
+    root: Path | None, build: Path, jobs: int, as_json: bool,
+) -> None:  # fmt: skip
+    """Render SCENE without a window: .png, .exr (linear), sequence, .gif, .webp or .mp4."""
+    from pipelines import output
+    from pipelines.render_scene import render_scene
+
+    output.use_threads(jobs)
+    job = render_scene(
+        scene, out, size=size, times=times, frames=frames, root=root, build_folder=build
+    )
+    output.rendered(job, as_json=as_json, profile=profile)
+
+
+@cli.command()
+@click.argument("scene", type=file_path)
+@click.option("--size", default="1280x720", show_default=True, help="Width x height in pixels.")
+@root_option
+@build_option
+@jobs_option
+def view(scene: Path, size: str, root: Path | None, build: Path, jobs: int) -> None:
+    """Open SCENE in a window: orbit, pan, dolly, time, light, focus; H prints the keys."""
+    from pipelines import output
+    from pipelines.render_scene import view_scene
+
+    output.use_threads(jobs)
+    view_scene(scene, size=size, root=root, build_folder=build)
+
+
+@cli.command()
+@click.argument("questions", nargs=-1)
+@click.option("-o", "--output", "out", type=file_path, default=BUILD / "studies", show_default=True)
+@click.option("--quick", is_flag=True, help="Fewer points and smaller pictures.")
+@click.option("--source", type=file_path, default=None, help="A mesh of your own instead of ours.")
+def study(questions: tuple[str, ...], out: Path, quick: bool, source: Path | None) -> None:
+    """Measure error against time; without QUESTIONS, all. `study list` names them."""
+    from pipelines.studies import run
+
+    run.run(questions, out, quick=quick, source=source)
+
+
+def main() -> None:
+    """Run the command line; the process's exit code says what went wrong."""
+    from pipelines import single
+
+    single.add_to(cli)
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code; never a traceback for what a user can cause."""
+    try:
+        result: Any = cli.main(args=arguments, prog_name="bakelight", standalone_mode=False)
+        return result if isinstance(result, int) else 0
+    except BakelightError as error:
+        return _say(str(error), error.exit_code)
+    except click.ClickException as error:
+        error.show()
+        return 2
+    except (KeyboardInterrupt, click.Abort):
+        return _say("interrupted; what was finished is kept", 130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+    except MemoryError:
+        return _say("not enough memory -- lower the resolution or the number of lights", 3)
+
+
+def _say(message: str, code: int) -> int:
+    click.echo(f"bakelight: {message}", err=True)
+    return code
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""Is a baked scene up to date? If not, bake it; only then is anything of `bake` imported."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+from formats.scene import Scene
+
+MANIFEST_FORMAT = 1
+
+
+def ensure(path: Path, scene: Scene, root: Path | None, build_folder: Path) -> Path:
+    """Return the folder of a baked scene, baked now if the scene's or a source's bytes changed."""
+    folder = build_folder / "scenes" / scene.name
+    if not is_current(folder, scene, path):
+        from pipelines import output
+        from pipelines.bake_scene import bake_scene
+
+        with output.bars() as bar:
+            bake_scene(path, root=root, build_folder=build_folder, on_progress=bar)
+    return folder
+
+
+def is_current(folder: Path, scene: Scene, path: Path) -> bool:
+    """Tell whether a scene's folder was baked from these bytes of scene file and sources."""
+    try:
+        manifest = json.loads((folder / "manifest.json").read_text())
+        if manifest["format"] != MANIFEST_FORMAT or manifest["scene_sha256"] != digest(path):
+            return False
+        sources: dict[str, str] = manifest["sources"]
+        return all(digest(Path(file)) == known for file, known in sources.items())
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return False
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file, in hex."""
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()

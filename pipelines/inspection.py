@@ -1,0 +1,93 @@
+"""What an asset is, from its own files, and whether it still is what was sealed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from formats import report, seal
+from formats.errors import InputError
+
+
+def inspect(path: Path) -> dict[str, Any]:
+    """Describe a baked folder or a file. InputError, DamagedError."""
+    if path.is_dir():
+        return _folder(path)
+    if not path.is_file():
+        raise InputError(path, "", "no such file or folder", "check the path")
+    describe = {".ktx2": _ktx2, ".exr": _exr, ".hdr": _hdr, ".json": _json}.get(path.suffix.lower())
+    if describe is None:
+        if path.suffix.lower() in (".glb", ".gltf", ".obj", ".ply", ".stl", ".off"):
+            return _mesh(path)
+        raise InputError(
+            path, "suffix", path.suffix, "inspect a baked folder, a mesh, .ktx2, .exr or .hdr"
+        )
+    return {"file": str(path), "bytes": path.stat().st_size, **describe(path)}
+
+
+def _folder(path: Path) -> dict[str, Any]:
+    if (path / "manifest.json").is_file():
+        manifest = _json(path / "manifest.json")
+        seal.verify(path)
+        called = [e["name"] for e in manifest["plan"]["effects"] if e["called"]]
+        return {
+            "kind": "scene",
+            "name": manifest["name"],
+            "effects": called,
+            "assets": manifest["assets"],
+            "seal": "intact",
+        }
+    if not seal.is_sealed(path):
+        raise InputError(
+            path, "", "not a baked folder", "name a folder that holds seal.json or manifest.json"
+        )
+    seal.verify(path)
+    size = sum(file.stat().st_size for file in path.iterdir())
+    return {"folder": str(path), "bytes": size, "seal": "intact", **report.read(path)}
+
+
+def _json(path: Path) -> dict[str, Any]:
+    try:
+        data: dict[str, Any] = json.loads(path.read_text())
+        return data
+    except ValueError as error:
+        raise InputError(path, "", str(error), "this is not JSON; bake again") from error
+
+
+def _ktx2(path: Path) -> dict[str, Any]:
+    from formats.files import ktx2
+
+    texture = ktx2.read(path)
+    layers, height, width, _ = texture.levels[0].shape
+    return {
+        "kind": texture.kind, "layers": layers, "width": width, "height": height,
+        "levels": len(texture.levels), "type": str(texture.levels[0].dtype),
+        "metadata": texture.metadata,
+    }  # fmt: skip
+
+
+def _exr(path: Path) -> dict[str, Any]:
+    from formats.files import exr
+
+    return {"parts": {name: list(image.shape) for name, image in exr.read(path).items()}}
+
+
+def _hdr(path: Path) -> dict[str, Any]:
+    from formats.files import rgbe
+
+    image = rgbe.read(path)
+    return {"shape": list(image.shape), "peak": float(image.max())}
+
+
+def _mesh(path: Path) -> dict[str, Any]:
+    from bake import sources
+
+    mesh = sources.load(path)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return {
+        "file": str(path), "kind": "mesh", "faces": len(mesh.faces), "vertices": len(mesh.vertices),
+        "size": [float(x) for x in high - low], "materials": [m.name for m in mesh.materials],
+        "texture": any(m.texture is not None for m in mesh.materials),
+        "vertex_colours": mesh.colours is not None, "notes": list(mesh.notes),
+    }  # fmt: skip

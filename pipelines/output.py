@@ -1,0 +1,157 @@
+"""What the commands print: progress on standard error, results (or JSON) on standard output."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bake.recipe import Entry
+    from bake.store import Finding
+    from pipelines.bake_scene import SceneBake
+    from pipelines.render_scene import RenderJob
+
+
+def use_threads(count: int) -> None:
+    """Bake with `count` threads; 0 means one a core."""
+    from bake import workers
+
+    workers.use(count)
+
+
+@contextmanager
+def bars() -> Iterator[Callable[[str, float], None] | None]:
+    """Show one bar a running bake on standard error; nothing where that is not a terminal."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+        tasks: dict[str, Any] = {}
+
+        def bar(name: str, fraction: float) -> None:
+            if name not in tasks:
+                tasks[name] = progress.add_task(name, total=1.0)
+            progress.update(tasks[name], completed=fraction)
+
+        yield bar
+
+
+def dump(data: object) -> None:
+    """Print JSON on standard output."""
+    click.echo(json.dumps(data, indent=1, sort_keys=True, allow_nan=False, default=str))
+
+
+def planned(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool) -> None:
+    """Print the plan of a scene file, with measured seconds where it was baked before."""
+    from formats import scene as scenes
+    from pipelines import plan
+    from pipelines.bake_scene import known_seconds
+
+    loaded = scenes.load(scene, root)
+    result = plan.build(loaded, lines=lines, seconds=known_seconds(loaded, build))
+    if as_json:
+        click.echo(plan.as_json(result))
+    else:
+        plan.show(result)
+
+
+def baked(done: SceneBake, as_json: bool) -> None:
+    """Say what a bake did."""
+    rows = {
+        name: {"hit": e.hit, "seconds": e.seconds, "key": e.key, "folder": str(e.path)}
+        for name, e in done.entries.items()
+    }
+    if as_json:
+        dump({"folder": str(done.folder), "assets": rows})
+        return
+    for name, row in rows.items():
+        click.echo(f"{name}: {'up to date' if row['hit'] else 'baked'}")
+    click.echo(f"{done.folder}")
+
+
+def rendered(job: RenderJob, *, as_json: bool, profile: bool) -> None:
+    """Say what was written, and what each pass cost when asked."""
+    if as_json:
+        dump({"files": [str(f) for f in job.files], "profile": job.profile})
+        return
+    for file in job.files:
+        click.echo(str(file))
+    if profile:
+        dump(job.profile)
+
+
+def delivered(entry: Entry, out: Path, as_json: bool) -> None:
+    """Put an entry's files into the folder that was asked for, whole or not at all, and say so."""
+    from formats import report
+    from pipelines.deliver import deliver
+
+    deliver(entry.path, out)
+    quality = report.read(entry.path).get("quality", {})
+    if as_json:
+        dump({"folder": str(out), "hit": entry.hit, "seconds": entry.seconds, "quality": quality})
+        return
+    for name in ("held_out_psnr", "loss_packing_db", "loss_bits_db"):
+        if name in quality:
+            click.echo(f"{name.replace('_', ' ')}: {quality[name]:.2f}")
+    for note in quality.get("notes", []):
+        click.echo(f"note: {note}", err=True)
+    click.echo(str(out))
+
+
+def wrote(path: Path, as_json: bool) -> None:
+    """Say which file was written."""
+    if as_json:
+        dump({"file": str(path)})
+    else:
+        click.echo(str(path))
+
+
+def inspected(data: dict[str, Any], as_json: bool) -> None:
+    """Print a description, nested fields indented."""
+    if as_json:
+        dump(data)
+        return
+    _rows(data, "")
+
+
+def _rows(data: dict[str, Any], indent: str) -> None:
+    for name, value in data.items():
+        if isinstance(value, dict):
+            click.echo(f"{indent}{name}:")
+            _rows(value, indent + "  ")
+        else:
+            click.echo(
+                f"{indent}{name}: {value if not isinstance(value, float) else f'{value:.6g}'}"
+            )
+
+
+def found(findings: list[Finding], as_json: bool) -> None:
+    """Print what is wrong in a store."""
+    if as_json:
+        dump([{"path": str(f.path), "problem": f.problem} for f in findings])
+        return
+    for finding in findings:
+        click.echo(f"{finding.path}: {finding.problem}")
+    if not findings:
+        click.echo("intact")
+
+
+def removed(paths: list[Path], dry_run: bool, as_json: bool) -> None:
+    """Print what a sweep took, or would take."""
+    if as_json:
+        dump({"dry_run": dry_run, "removed": [str(p) for p in paths]})
+        return
+    for path in paths:
+        click.echo(str(path))
+    click.echo(f"{len(paths)} {'would go' if dry_run else 'removed'}")

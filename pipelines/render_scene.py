@@ -1,0 +1,152 @@
+"""From a scene to pictures: bake if a hash differs, then play without importing `bake`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats import scene as scenes
+from formats.errors import InputError
+from pipelines import current
+
+MAX_SIDE = 16384
+MOVIES = (".gif", ".webp", ".mp4")
+
+
+@dataclass
+class RenderJob:
+    """What a render wrote, and the player's counts."""
+
+    files: list[Path] = field(default_factory=list)
+    profile: dict[str, Any] = field(default_factory=dict)
+
+
+def render_scene(
+    path: Path,
+    out: Path,
+    *,
+    size: str = "1280x720",
+    times: tuple[float, ...] = (),
+    frames: str | None = None,
+    root: Path | None = None,
+    build_folder: Path = Path("build"),
+) -> RenderJob:
+    """Render a scene to files. Raises InputError, MachineError, DamagedError.
+
+    out : a picture (.png, .exr), a movie (.gif, .webp, .mp4, with `frames`), or a folder for one
+    picture a time or frame.
+    """
+    width, height = parse_size(size)
+    scene = scenes.load(path, root)
+    wanted = _moments(scene, times, frames, out)
+    folder = current.ensure(path, scene, root, build_folder)
+    from runtime.player import Player
+
+    player = Player(folder, size=(width, height))
+    job = RenderJob()
+    try:
+        _write(player, wanted, out, scene.time.frame_rate, job)
+        job.profile = player.profile
+    finally:
+        player.close()
+    return job
+
+
+def view_scene(path: Path, *, size: str, root: Path | None, build_folder: Path) -> None:
+    """Open a scene in a window. MachineError where there is no display."""
+    width, height = parse_size(size)
+    scene = scenes.load(path, root)
+    folder = current.ensure(path, scene, root, build_folder)
+    from runtime.viewer import view
+
+    view(folder, size=(width, height), pictures=build_folder / "renders")
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """Read WIDTHxHEIGHT.
+
+    >>> parse_size("640x360")
+    (640, 360)
+    """
+    match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text.strip().lower())
+    sides = tuple(int(n) for n in match.groups()) if match else (0, 0)
+    if not all(1 <= n <= MAX_SIDE for n in sides):
+        raise InputError("command line", "--size", text, f"write WxH, each from 1 to {MAX_SIDE}")
+    return sides[0], sides[1]
+
+
+def _moments(
+    scene: scenes.Scene, times: tuple[float, ...], frames: str | None, out: Path
+) -> list[tuple[str, float]]:
+    """List (name, time) of the pictures to make."""
+    if frames is not None and times:
+        raise InputError("command line", "--frames", frames, "give either --frames or --time")
+    if frames is None:
+        chosen = times or (0.0,)
+        for time in chosen:
+            if not np.isfinite(time):
+                raise InputError("command line", "--time", time, "give seconds")
+        if len(chosen) > 1 and out.suffix:
+            raise InputError(
+                "command line", "--output", str(out), "name a folder for several times"
+            )
+        if out.suffix in MOVIES:
+            raise InputError("command line", "--output", str(out), "a movie needs --frames A:B")
+        return [(f"{scene.name}-{time:06.2f}", time) for time in chosen]
+    match = re.fullmatch(r"(\d+):(\d+)", frames)
+    first, last = (int(n) for n in match.groups()) if match else (0, 0)
+    if not last > first:
+        raise InputError("command line", "--frames", frames, "write A:B with A < B, such as 0:48")
+    return [(f"{scene.name}-{n:05d}", n / scene.time.frame_rate) for n in range(first, last)]
+
+
+def _write(
+    player: Any, wanted: list[tuple[str, float]], out: Path, rate: float, job: RenderJob
+) -> None:
+    from formats.files import image
+
+    if out.suffix in MOVIES:
+        from pipelines import movie
+
+        out.parent.mkdir(parents=True, exist_ok=True)
+        movie.write(out, (player.frame(time)[..., :3] for _, time in wanted), rate, len(wanted))
+        job.files.append(out)
+        return
+    suffix = out.suffix.lower()
+    if suffix not in ("", ".png", ".exr"):
+        raise InputError(
+            "command line", "--output", str(out), "write .png, .exr, .gif, .webp, .mp4 or a folder"
+        )
+    single = bool(suffix) and len(wanted) == 1
+    for name, time in wanted:
+        target = (
+            out
+            if single
+            else (out.parent / out.stem if suffix else out) / f"{name}{suffix or '.png'}"
+        )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if suffix == ".exr":
+            from formats.files import exr
+
+            linear: NDArray[np.float32] = np.ascontiguousarray(player.linear(time)[..., :3])
+            exr.write(target, {"beauty": linear})
+        else:
+            image.write(target, np.ascontiguousarray(player.frame(time)[..., :3]))
+        job.files.append(target)
+
+
+def progress(frames: Iterable[NDArray[np.uint8]], total: int) -> Iterator[NDArray[np.uint8]]:
+    """Pass frames on, with a bar on standard error where that is a terminal."""
+    from pipelines.output import bars
+
+    with bars() as bar:
+        for number, frame in enumerate(frames):
+            yield frame
+            if bar is not None:
+                bar("frames", (number + 1) / total)

@@ -1,0 +1,254 @@
+"""Commands on one asset: bake it from one file, relight it, look into it, look after the store."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from pipelines.cli import BUILD, build_option, file_path, jobs_option, json_option
+
+folder_out = click.option(
+    "-o", "--output", "out", type=file_path, required=True, help="Folder of the asset."
+)
+
+
+def add_to(group: click.Group) -> None:
+    """Hang these commands under the program."""
+    for command in (billboard, environment, relight, inspect, store):
+        group.add_command(command)
+
+
+@click.command()
+@click.argument("source", type=file_path)
+@folder_out
+@click.option(
+    "--resolution", type=int, default=512, show_default=True, help="Texels along the longer side."
+)
+@click.option("--samples", type=int, default=16, show_default=True, help="Rays a texel.")
+@click.option(
+    "--views", type=int, default=1, show_default=True, help="1 to 16 sides, evenly about +y."
+)
+@click.option(
+    "--axis",
+    type=click.Choice(["view", "up"]),
+    default="view",
+    show_default=True,
+    help="Axis of the ring of lights.",
+)
+@click.option(
+    "--elevation",
+    type=float,
+    default=30.0,
+    show_default=True,
+    help="Degrees above the ring's plane.",
+)
+@click.option("--lights", type=int, default=64, show_default=True, help="Directions on the ring.")
+@click.option(
+    "--terms", type=int, default=5, show_default=True, help="Circular harmonics kept, odd."
+)
+@click.option(
+    "--sun-diameter",
+    type=float,
+    default=0.53,
+    show_default=True,
+    help="Degrees each light subtends.",
+)
+@click.option(
+    "--sky-fill",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Even sky, share of the light's irradiance.",
+)
+@click.option(
+    "--transmission",
+    type=float,
+    default=0.35,
+    show_default=True,
+    help="Light let through by double-sided faces.",
+)
+@click.option(
+    "--gloss", type=float, default=0.0, show_default=True, help="Strength of the GGX lobe."
+)
+@click.option(
+    "--perspective",
+    type=float,
+    default=0.0,
+    show_default=True,
+    help="Degrees of view; 0: orthographic.",
+)
+@click.option(
+    "--packing",
+    type=click.Choice(["chroma", "talk", "full"]),
+    default="chroma",
+    show_default=True,
+    help="How terms share textures.",
+)
+@click.option(
+    "--max-lod",
+    type=float,
+    default=4.0,
+    show_default=True,
+    help="Coarsest mip for the lens; sizes the border.",
+)
+@click.option(
+    "--filter",
+    "mip_filter",
+    default=None,
+    help="Mip filter; default: the one that looks most like a lens.",
+)
+@click.option(
+    "--depth",
+    type=click.Choice(["8", "16"]),
+    default="8",
+    show_default=True,
+    help="Bits a channel.",
+)
+@build_option
+@jobs_option
+@json_option
+def billboard(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **knobs: Any) -> None:
+    """Bake a relit sprite from a mesh: OBJ, PLY, STL, OFF, GLB, glTF."""
+    from bake import billboard as stage
+    from bake import mips
+    from bake.store import Store
+    from pipelines import bake_scene, output
+
+    output.use_threads(jobs)
+    shared: dict[str, Any] = {
+        name: knobs[name]
+        for name in (
+            "resolution",
+            "samples",
+            "views",
+            "axis",
+            "lights",
+            "terms",
+            "sky_fill",
+            "transmission",
+            "gloss",
+        )
+    }
+    angles: dict[str, Any] = {
+        name: float(np.radians(knobs[name])) for name in ("elevation", "sun_diameter")
+    }
+    trace = stage.Params(**shared, **angles, field_of_view=float(np.radians(knobs["perspective"])))
+    packing = {
+        "packing": "full" if knobs["packing"] == "full" else "twelve",
+        "unpack": "talk" if knobs["packing"] == "talk" else "chroma",
+    }
+    chosen = {} if knobs["mip_filter"] is None else {"filter": knobs["mip_filter"]}
+    pack = mips.Params(max_lod=knobs["max_lod"], depth=knobs["depth"], **packing, **chosen)
+    with output.bars() as bar:
+        watch = None if bar is None else lambda fraction: bar(source.name, fraction)
+        entry = bake_scene.bake_billboard(Store(build / "store"), source, trace, pack, watch)
+    output.delivered(entry, out, as_json)
+
+
+@click.command()
+@click.argument("source", type=file_path)
+@folder_out
+@click.option("--width", type=int, default=64, show_default=True, help="Texels round the horizon.")
+@click.option("--rotate", type=float, default=0.0, show_default=True, help="Degrees about +y.")
+@build_option
+@json_option
+def environment(
+    source: Path, out: Path, width: int, rotate: float, build: Path, as_json: bool
+) -> None:
+    """Bake an environment light from a lat-long map: EXR, HDR, PNG, JPEG."""
+    from functools import partial
+
+    from bake import environment as stage
+    from bake.recipe import Source
+    from bake.store import Store
+    from pipelines import output
+
+    params = stage.Params(width=width, rotate=float(np.radians(rotate)))
+    inputs = Source((source,), partial(stage.load, source))
+    output.delivered(
+        Store(build / "store").run(stage.resample, inputs, params=params), out, as_json
+    )
+
+
+@click.command()
+@click.argument("folder", type=file_path)
+@click.option(
+    "--light",
+    "lights",
+    multiple=True,
+    required=True,
+    help="X,Y,Z towards the light, or X,Y,Z,R,G,B with its irradiance (default pi).",
+)
+@click.option(
+    "-o",
+    "--output",
+    "out",
+    type=file_path,
+    required=True,
+    help="Picture: .png (with alpha) or .exr.",
+)
+@click.option(
+    "--view", type=click.IntRange(0), default=0, show_default=True, help="Which of the baked sides."
+)
+@click.option("--exposure", type=float, default=0.0, show_default=True, help="EV.")
+@json_option
+def relight(
+    folder: Path, lights: tuple[str, ...], out: Path, view: int, exposure: float, as_json: bool
+) -> None:
+    """Show a sprite under given lights, on the CPU, from the stored codes."""
+    from pipelines import output, relit
+
+    picture = relit.relight(folder, [relit.parse_light(text) for text in lights], view=view)
+    relit.write(out, picture, exposure)
+    output.wrote(out, as_json)
+
+
+@click.command()
+@click.argument("path", type=file_path)
+@json_option
+def inspect(path: Path, as_json: bool) -> None:
+    """Tell what a baked folder or file is and how good; verify its seal."""
+    from pipelines import inspection, output
+
+    output.inspected(inspection.inspect(path), as_json)
+
+
+@click.group()
+def store() -> None:
+    """Look after the store of baked assets."""
+
+
+@store.command()
+@build_option
+@json_option
+def verify(build: Path, as_json: bool) -> None:
+    """Check every byte of every entry; exit code 4 where one is damaged."""
+    from bake.store import Store
+    from formats.errors import DamagedError
+    from pipelines import output
+
+    findings = Store(build / "store").verify()
+    output.found(findings, as_json)
+    if findings:
+        remedy = "bake again: damaged entries are set aside and replaced"
+        raise DamagedError(build / "store", "entries", f"{len(findings)} damaged", remedy)
+
+
+@store.command()
+@click.option("--dry-run", is_flag=True, help="Only tell what would go.")
+@build_option
+@json_option
+def gc(build: Path, dry_run: bool, as_json: bool) -> None:
+    """Remove entries that no scene in build/scenes uses; scene folders keep their own copies."""
+    from bake.store import Store
+    from pipelines import output
+    from pipelines.bake_scene import keys_in_use
+
+    removed = Store(build / "store").gc(keys_in_use(build), dry_run=dry_run)
+    output.removed(removed, dry_run, as_json)
+
+
+__all__ = ["BUILD", "add_to"]

@@ -1,0 +1,90 @@
+"""The committed assets are what their scripts write, and are fit to be baked."""
+
+import importlib
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from formats.files import glb, rgbe
+
+ASSETS = Path(__file__).parents[2] / "assets"
+MESHES = sorted(p.stem for p in (ASSETS / "meshes").glob("*.glb"))
+LARGEST_FILE = 1_200_000
+LARGEST_SUM = 8_000_000
+
+
+def script(monkeypatch: pytest.MonkeyPatch, folder: str, name: str) -> Any:
+    """Import a script of assets/ as it runs: with its own folder first on the path."""
+    monkeypatch.syspath_prepend(str(ASSETS / folder))
+    for module in [m for m in sys.modules.values() if m is not None]:
+        file = getattr(module, "__file__", None)
+        if file and Path(file).parent == ASSETS / folder:
+            monkeypatch.delitem(sys.modules, module.__name__)
+    return importlib.import_module(name)
+
+
+def test_every_mesh_has_its_maker(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert sorted(script(monkeypatch, "meshes", "make_meshes").MAKERS) == MESHES
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_mesh_is_written_again_byte_for_byte(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = script(monkeypatch, "meshes", "make_meshes").make(name, tmp_path)
+    assert made.read_bytes() == (ASSETS / "meshes" / f"{name}.glb").read_bytes()
+
+
+@pytest.mark.parametrize("name", MESHES)
+def test_mesh_is_fit_to_be_baked(name: str) -> None:
+    path = ASSETS / "meshes" / f"{name}.glb"
+    assert path.stat().st_size < LARGEST_FILE
+    for node in glb.read(path):
+        for primitive in node.primitives:
+            assert primitive.normals is not None
+            assert primitive.colours is not None
+            assert primitive.colours.dtype == np.uint8
+            points, normals = primitive.positions.astype(np.float64), primitive.normals
+            assert np.isfinite(points).all()
+            # Components are rounded to 0.001: |n| is off by at most sqrt(3)/2 of that.
+            assert np.abs(np.linalg.norm(normals, axis=1) - 1).max() < 0.001
+            assert points[:, 1].min() >= 0.0
+            a, b, c = (points[primitive.indices[:, k]] for k in range(3))
+            area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+            # Rounding to 0.1 mm may flatten a sliver, never a share that shows.
+            assert (area > 0).mean() > 0.999
+            # A baker takes the side from the winding: it must agree with the normals.
+            winding = np.cross(b - a, c - a)
+            agree = np.sum(winding * normals[primitive.indices].mean(axis=1), axis=1) > 0
+            assert agree.mean() > 0.99
+
+
+def test_leaves_are_thin_and_bark_is_not() -> None:
+    thin = {"leaf": True, "paper": True, "bark": False, "stone": False, "wood": False}
+    for name in MESHES:
+        for node in glb.read(ASSETS / "meshes" / f"{name}.glb"):
+            for primitive in node.primitives:
+                assert primitive.material.double_sided == thin[primitive.material.name]
+
+
+def test_meshes_stay_small_together() -> None:
+    sizes = [(ASSETS / "meshes" / f"{name}.glb").stat().st_size for name in MESHES]
+    assert len(sizes) >= 10
+    assert sum(sizes) < LARGEST_SUM
+
+
+def test_sky_is_written_again_byte_for_byte(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sky = script(monkeypatch, "environments", "make_sky").soft_sky()
+    rgbe.write(tmp_path / "sky.hdr", sky)
+    committed = ASSETS / "environments" / "soft_sky.hdr"
+    assert (tmp_path / "sky.hdr").read_bytes() == committed.read_bytes()
+    assert sky.shape == (64, 128, 3)
+    assert (sky > 0).all()
+    # Neutral: the mean of the upper half is grey to 2 %, so that a scale alone gives the tint.
+    above = sky[:32].mean(axis=(0, 1))
+    assert np.abs(above / above.mean() - 1).max() < 0.02
