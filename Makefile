@@ -5,9 +5,9 @@
 
 SCENE ?= grove
 SIZE ?= 960x540
-# In the grove a second is an hour: dawn, noon, dusk, night; and a film from half past five to half past eight.
+# In the grove a second is an hour: stills at dawn, noon, dusk and night; an animation of nightfall.
 TIMES ?= 6.5 12 18.6 20.5
-FRAMES ?= 132:492
+FRAMES ?= 408:504
 FILE = assets/scenes/$(SCENE).toml
 OUT = build/renders/$(SCENE)
 ARGS ?=

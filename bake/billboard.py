@@ -5,8 +5,8 @@ project each texel and channel on a few Fourier terms, Y_k = integral X(t) B_k(t
 comes along, because X is traced.
 
 Camera rays are cast once, not once a light; only hits that face a light cast a shadow ray; and the
-projection streams over blocks of lights, so memory does not grow with their number. All subsamples of
-one index share one direction a light, spread over the sun's disc from index to index: rays are
+projection streams over blocks of lights, so memory does not grow with their number. All subsamples
+of one index share one direction a light, spread over the sun's disc from index to index: rays are
 coherent, and Embree takes a single direction for a whole call.
 """
 
@@ -46,7 +46,8 @@ class Params:
     to every direction. transmission : share of light let through by double-sided faces. gloss :
     strength of the materials' GGX lobe. field_of_view : of the object's height; 0 is orthographic.
     lights_per_sample : lights that each subsample casts shadow rays to, in turn; 0 chooses, see
-    bake.gather. held_out : lights that an eighth of the texels is rendered under for the report alone.
+    bake.gather. held_out : lights that an eighth of the texels is rendered under, for the report
+    alone.
     """
 
     resolution: int = 512
@@ -67,14 +68,17 @@ class Params:
     def check(self) -> None:
         """Raise InputError for the first knob that is out of its range."""
         ranges: dict[str, tuple[float, float]] = {
-            "resolution": (1, 8192), "views": (1, 16), "samples": (1, 4096), "elevation": (-1.5, 1.5),
-            "lights": (1, 4096), "terms": (1, 33), "sun_diameter": (0, 3.0), "sky_fill": (0, 100),
-            "transmission": (0, 1), "gloss": (0, 1), "field_of_view": (0, 2.5), "lights_per_sample": (0, 4096), "held_out": (0, 256),
+            "resolution": (1, 8192), "views": (1, 16), "samples": (1, 4096), "lights": (1, 4096),
+            "terms": (1, 33), "lights_per_sample": (0, 4096), "held_out": (0, 256),
+            "elevation": (-1.5, 1.5), "sun_diameter": (0, 3.0), "sky_fill": (0, 100),
+            "transmission": (0, 1), "gloss": (0, 1), "field_of_view": (0, 2.5),
         }  # fmt: skip
         for name, (low, high) in ranges.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError("billboard", name, value, f"choose from {low:g} to {high:g}")
+            if isinstance(getattr(Params, name), int) and value != int(value):
+                raise InputError("billboard", name, value, "choose a whole number")
         if self.terms % 2 == 0:
             raise InputError("billboard", "terms", self.terms, "terms must be odd: 1, 3, 5, ...")
         if self.axis not in ("view", "up"):
@@ -83,9 +87,12 @@ class Params:
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the texels of a sprite lie: x, y (metres) of the top-left corner relative to the pivot's
-    axis and foot, size in texels; origin : the mesh's point on that axis; reach : radius about it that
-    holds the mesh; distance : of the eye, infinite for an orthographic view."""
+    """Where the texels of a sprite lie.
+
+    left, top : of the top-left corner, metres from the pivot, which is the foot of the up axis.
+    width, height : texels. origin : the pivot in the mesh's space. reach : radius about it that
+    holds the mesh. eye : (3,) from the pivot, sprite's frame; at infinite z for an orthographic
+    view."""
 
     left: float
     top: float
@@ -94,17 +101,19 @@ class Frame:
     metres_per_texel: float
     origin: NDArray[np.float64]
     reach: float
-    distance: float
+    eye: tuple[float, float, float]
     object_height: float
 
 
 def trace(
     mesh: Mesh, *, params: Params, progress: workers.Progress = workers.silent
 ) -> Coefficients:
-    """Bake the coefficients of a mesh. InputError for knobs out of range or a mesh without faces."""
+    """Bake the coefficients of a mesh. InputError for knobs out of range and for a mesh without
+    faces or with broken arrays."""
     params.check()
     if not len(mesh.faces):
         raise InputError("billboard", "mesh", "no faces", "use a mesh with triangles")
+    mesh = mesh.checked("billboard: mesh")
     surface = Surface(mesh, RayScene(mesh.vertices, mesh.faces), params.transmission, params.gloss)
     frame, lights = frame_of(mesh, params), lights_of(params)
     texels = frame.width * frame.height
@@ -130,49 +139,34 @@ def frame_of(mesh: Mesh, params: Params) -> Frame:
     middle = local[:, 1].max() / 2
     distance = np.inf
     if params.field_of_view > 0:
-        distance = (
-            max(
-                middle / np.tan(params.field_of_view / 2),
-                1.05 * np.hypot(local[:, 0], local[:, 2]).max(),
-            )
-            or 1.0
-        )
-    bounds = []
+        nearest = 1.05 * np.hypot(local[:, 0], local[:, 2]).max()
+        distance = max(middle / np.tan(params.field_of_view / 2), nearest) or 1.0
+    # Project the vertices on the plane of the up axis, from an eye at half the height
+    corners = []
     for view in range(params.views):
         x, y, z = world_from_sprite(view, params.views).T @ local.T
         zoom = 1 / (1 - z / distance)
-        bounds.append(
-            [
-                (x * zoom).min(),
-                (x * zoom).max(),
-                (middle + (y - middle) * zoom).min(),
-                (middle + (y - middle) * zoom).max(),
-            ]
-        )
-    left, right = min(b[0] for b in bounds), max(b[1] for b in bounds)
-    bottom, top = min(b[2] for b in bounds), max(b[3] for b in bounds)
-    longer = max(right - left, top - bottom) or 1.0
-    texel = longer / params.resolution
-    width, height = (
-        max(1, int(np.ceil((b - a) / texel - 1e-9))) for a, b in ((left, right), (bottom, top))
-    )
-    # Centre what rounding up to whole texels adds
-    left -= (width * texel - (right - left)) / 2
+        seen = np.stack([x * zoom, middle + (y - middle) * zoom])
+        corners += [seen.min(axis=1), seen.max(axis=1)]
+    (left, bottom), (right, top) = np.min(corners, axis=0), np.max(corners, axis=0)
+    texel = (max(right - left, top - bottom) or 1.0) / params.resolution
+    width, height = (max(1, int(np.ceil(n / texel - 1e-9))) for n in (right - left, top - bottom))
     return Frame(
-        left,
-        bottom + height * texel,
-        width,
-        height,
-        texel,
-        origin,
-        reach,
-        distance,
-        float(high[1] - low[1]) or texel,
+        # Centre what rounding up to whole texels adds
+        left=float(left - (width * texel - (right - left)) / 2),
+        top=float(bottom + height * texel),
+        width=width,
+        height=height,
+        metres_per_texel=float(texel),
+        origin=origin,
+        reach=reach,
+        eye=(0.0, float(middle), float(distance)),
+        object_height=float(high[1] - low[1]) or float(texel),
     )
 
 
 def world_from_sprite(view: int, views: int) -> NDArray[np.float64]:
-    """Return the rotation (3, 3) of view `view`, whose camera stands at yaw 2 pi view / views about +y."""
+    """Return the rotation (3, 3) of a view, whose camera stands at yaw 2 pi view / views (+y)."""
     yaw = 2 * np.pi * view / views
     c, s = np.cos(yaw), np.sin(yaw)
     return np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])
@@ -180,10 +174,10 @@ def world_from_sprite(view: int, views: int) -> NDArray[np.float64]:
 
 def lights_of(params: Params) -> Lights:
     """Lay out the ring, the sky and the held-out lights that the knobs ask for."""
-    angles = 2 * np.pi * np.arange(params.lights) / params.lights
+    angles = np.asarray(2 * np.pi * np.arange(params.lights) / params.lights, np.float64)
     fit = circular_harmonics.fit_weights(angles, params.terms)
     # Held-out lights sit at golden-ratio steps, at no simple fraction of the ring's own spacing
-    held = 2 * np.pi * ((np.arange(params.held_out) + 0.5) * GOLDEN % 1)
+    held = np.asarray(2 * np.pi * ((np.arange(params.held_out) + 0.5) * GOLDEN % 1), np.float64)
     disc = uniform_cone(_pattern(params.samples), params.sun_diameter / 2)
 
     def about(azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -191,7 +185,8 @@ def lights_of(params: Params) -> Lights:
         return np.array([_about(d, disc) for d in towards]).reshape(-1, params.samples, 3)
 
     count = -(-32 // params.samples) if params.sky_fill > 0 else 0
-    sky = np.swapaxes(_sky(count * params.samples).reshape(params.samples, count, 3), 0, 1)
+    # Subsample s takes every S-th direction, so that each sees all of the sky
+    sky = _sky(count * params.samples).reshape(count, params.samples, 3)
     return Lights(
         ring=about(angles),
         matrix=np.asarray(fit.matrix, np.float64),
@@ -209,7 +204,7 @@ def _sky(count: int) -> NDArray[np.float64]:
     y = 2 * np.sqrt((np.arange(count) + 0.5) / count) - 1
     turn = 2 * np.pi * GOLDEN * np.arange(count)
     r = np.sqrt(1 - y * y)
-    return np.stack([r * np.cos(turn), y, r * np.sin(turn)], axis=-1)
+    return np.asarray(np.stack([r * np.cos(turn), y, r * np.sin(turn)], axis=-1))
 
 
 def _about(direction: NDArray[np.float64], cone: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -217,19 +212,19 @@ def _about(direction: NDArray[np.float64], cone: NDArray[np.float64]) -> NDArray
     helper = np.eye(3)[np.argmin(np.abs(direction))]
     x = np.cross(helper, direction)
     x /= np.linalg.norm(x)
-    return cone @ np.array([x, np.cross(direction, x), direction])
+    return np.asarray(cone @ np.array([x, np.cross(direction, x), direction]))
 
 
 def _pattern(count: int) -> NDArray[np.float64]:
     """Return `count` points of the unit square (count, 2) by Roberts' R2 sequence, centred."""
     g = 1.32471795724474602596
-    return (0.5 + np.arange(count)[:, None] * np.array([1 / g, 1 / g**2])) % 1
+    return np.asarray((0.5 + np.arange(count)[:, None] * np.array([1 / g, 1 / g**2])) % 1)
 
 
 @dataclass(frozen=True)
 class Tile:
-    """What one tile of texels start..stop of a view gave; chosen : texels, counted over the whole view,
-    that were also rendered under the held-out lights."""
+    """What one tile of a view gave; texels, chosen : counted over the whole view, those that hit
+    the mesh, and those that were also rendered under the held-out lights."""
 
     view: int
     texels: NDArray[np.int64]
@@ -262,17 +257,19 @@ def _tile(
 def _camera_hits(
     scene: RayScene, frame: Frame, params: Params, turn: NDArray[np.float64], start: int, stop: int
 ) -> tuple[Hits, Float]:
-    """Cast the camera rays of texels start..stop; return hits as (S, p) arrays and directions to the viewer."""
+    """Cast the camera rays of texels start..stop; return hits as (S, p) arrays and directions to
+    the viewer."""
     row, column = np.divmod(np.arange(start, stop), frame.width)
     jitter = _pattern(params.samples)[:, None, :]
     x = frame.left + (column + jitter[..., 0]) * frame.metres_per_texel
     y = frame.top - (row + jitter[..., 1]) * frame.metres_per_texel
-    if np.isfinite(frame.distance):
-        eye = np.array([0, frame.top / 2, frame.distance])
-        to_eye = eye - np.stack([x, y, np.zeros_like(x)], axis=-1)
+    if np.isfinite(frame.eye[2]):
+        to_eye = frame.eye - np.stack([x, y, np.zeros_like(x)], axis=-1)
         to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
         viewer = np.ascontiguousarray(to_eye.reshape(-1, 3) @ turn.T, np.float32)
-        origins = np.broadcast_to(eye @ turn.T + frame.origin, (x.size, 3))
+        # Start where the rays enter the mesh's reach: from a far eye, float32 would miss
+        before = max(0.0, float(np.linalg.norm(frame.eye)) - 1.01 * frame.reach)
+        origins = (frame.eye - before * to_eye).reshape(-1, 3) @ turn.T + frame.origin
     else:
         viewer = np.ascontiguousarray(turn[:, 2][None], np.float32)
         local = np.stack([x, y, np.full_like(x, frame.reach * 1.01)], axis=-1)
@@ -303,9 +300,7 @@ def _assemble(
         metres_per_texel=frame.metres_per_texel,
         pivot=(-frame.left / frame.metres_per_texel, frame.top / frame.metres_per_texel),
         height=frame.object_height,
-        held_out=np.concatenate(held, axis=1)
-        if held
-        else np.zeros((lights.held.shape[0], 0, 3), np.float32),
+        held_out=np.concatenate([np.zeros((len(lights.held), 0, 3), np.float32), *held], axis=1),
         held_out_texels=chosen,
         held_out_angles=tuple(float(a) for a in lights.held_angles),
     )
@@ -324,12 +319,9 @@ def quality_of(
         [t.gathered.kept[w] for t, w in zip(tiles, whole, strict=True)] or [np.zeros(0)]
     )
     used = int(np.count_nonzero(np.abs(lights.matrix).sum(axis=1)))
-    # For even lights every hat value is used / N, so leaving one out divides the residual by 1 - used / N
-    residual = (
-        float(np.sqrt(max(0.0, float(np.mean(squares - kept, dtype=np.float64)))))
-        if squares.size
-        else 0.0
-    )
+    # Every hat value of even lights is used / N: leaving one out divides residuals by 1 - used / N
+    square = float(np.mean(squares - kept, dtype=np.float64)) if squares.size else 0.0
+    residual = float(np.sqrt(max(0.0, square)))
     spare = 1 - used / len(lights.ring)
     lowest, negative = _minimum(master)
     quality: dict[str, Any] = {
@@ -346,26 +338,32 @@ def quality_of(
     }
     truth = master.held_out
     if truth.size:
-        peak = float(truth.max()) or 1.0
-        quality["held_out_peak"] = peak
-        quality["held_out_psnr"] = float(psnr(truth, held_out_relit(master, master.terms[0]), peak))
+        quality["held_out_peak"] = float(truth.max()) or 1.0
+        quality["held_out_psnr"] = held_out_psnr(master, master.terms[0])
     return quality
 
 
+def held_out_psnr(master: Coefficients, terms: Float) -> float:
+    """Return how well terms (K, h, w, 3) of view 0 predict the held-out renders: dB, up to 200."""
+    peak = float(master.held_out.max()) or 1.0
+    return min(200.0, float(psnr(master.held_out, held_out_relit(master, terms), peak)))
+
+
 def held_out_relit(master: Coefficients, terms: Float) -> Float:
-    """Return terms (K, h, w, 3) of view 0 relit as the held-out renders (M, n, 3) were lit, clamped at 0."""
-    basis = circular_harmonics.evaluate(np.asarray(master.held_out_angles), len(terms)).astype(
-        np.float32
-    )
+    """Return terms (K, h, w, 3) of view 0 relit as the held-out renders (M, n, 3) were lit, clamped
+    at 0."""
+    basis = circular_harmonics.evaluate(np.asarray(master.held_out_angles), len(terms))
     Y = terms.reshape(len(terms), -1, 3)[:, master.held_out_texels]
-    return np.maximum(np.einsum("kpc,mk->mpc", Y, basis), 0)
+    return np.asarray(np.maximum(np.einsum("kpc,mk->mpc", Y, basis.astype(np.float32)), 0))
 
 
 def _minimum(master: Coefficients) -> tuple[float, float]:
-    """Return the lowest relit radiance over 64 azimuths, and the share of texels that go below -.001 / pi."""
+    """Return the lowest relit radiance over 64 azimuths, and the share of texels that go below
+    -.001 / pi."""
     lowest, below = 0.0, np.zeros(master.alpha.shape, bool)
     for basis in circular_harmonics.evaluate(2 * np.pi * np.arange(64) / 64, master.ring.terms):
         relit = np.einsum("vkhwc,k->vhwc", master.terms, basis.astype(np.float32))
         lowest = min(lowest, float(relit.min(initial=0.0)))
         below |= (relit < -1e-3 / np.pi).any(axis=-1)
-    return lowest, float(np.count_nonzero(below) / max(1, np.count_nonzero(master.alpha)))
+    covered = int(np.count_nonzero(master.alpha))
+    return lowest, int(np.count_nonzero(below)) / max(1, covered)

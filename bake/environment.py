@@ -1,7 +1,8 @@
-"""An environment map becomes a small one, its energy unchanged, for the player to project on any basis.
+"""An environment map becomes a small one, its energy unchanged, for the player to project on any
+basis.
 
-Circular harmonics of a few terms see nothing finer than a few degrees, so 64 x 32 texels of exact area
-means serve every sprite, whatever its ring and wherever it looks.
+Circular harmonics of a few terms see nothing finer than a few degrees, so 64 x 32 texels of exact
+area means serve every sprite, whatever its ring and wherever it looks.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from formats.errors import InputError
 from maths.transforms import latlong_solid_angles
 
 Float = NDArray[np.float32]
+BRIGHTEST = 1e30  # sums of many are still finite in float32
 SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
 
 
 @dataclass(frozen=True)
 class Params:
-    """Knobs. width : texels round the horizon; the map is half as high. rotate : radians that the map
-    is turned about +y, counter-clockwise from above."""
+    """Knobs. width : texels round the horizon; the map is half as high. rotate : radians that the
+    map is turned about +y, counter-clockwise from above."""
 
     width: int = 64
     rotate: float = 0.0
@@ -62,18 +64,21 @@ def resample(
 ) -> Environment:
     """Turn and shrink a lat-long map. InputError where radiance is negative or not finite."""
     radiance = np.asarray(radiance)
-    if radiance.ndim != 3 or radiance.shape[2] != 3 or not radiance.size:
+    if radiance.ndim != 3 or radiance.shape[2:] != (3,) or not radiance.size:
         raise InputError("environment", "shape", str(radiance.shape), "give an image (h, w, 3)")
-    bad = ~np.isfinite(radiance) | (radiance < 0)
+    if radiance.dtype.kind not in "fiu":
+        raise InputError("environment", "type", str(radiance.dtype), "give numbers")
+    bad = ~((radiance >= 0) & (radiance <= BRIGHTEST))
     if bad.any():
         row, column, channel = (int(i) for i in np.argwhere(bad)[0])
         value = float(radiance[row, column, channel])
         where = f"texel (column {column}, row {row})"
         raise InputError("environment", where, value, "radiance must be finite and not negative")
     if not 2 <= params.width <= 4096 or params.width % 2:
-        raise InputError(
-            "environment", "width", params.width, "choose an even number from 2 to 4096"
-        )
+        remedy = "choose an even number from 2 to 4096"
+        raise InputError("environment", "width", params.width, remedy)
+    if not abs(params.rotate) < 1e6:
+        raise InputError("environment", "rotate", params.rotate, "give finite radians")
     height, width = radiance.shape[:2]
     turned = _area_weights(width, params.width, params.rotate / (2 * np.pi))
     rows = _row_weights(height, params.width // 2)
@@ -91,11 +96,11 @@ def resample(
 
 
 def _area_weights(fine: int, coarse: int, shift: float) -> NDArray[np.float64]:
-    """Return (coarse, fine) shares of each fine column in each coarse one, after a turn of `shift` turns."""
-    edges = np.arange(coarse + 1) / coarse + shift
+    """Return (coarse, fine) shares of each fine column in each coarse one, `shift` turns later."""
+    edges = np.arange(coarse + 1) / coarse + shift % 1
     starts = np.arange(fine) / fine
     weights = np.zeros((coarse, fine))
-    for turn in (-2, -1, 0, 1, 2):
+    for turn in (0, 1):
         low = np.maximum(edges[:-1, None], starts + turn)
         high = np.minimum(edges[1:, None], starts + turn + 1 / fine)
         weights += np.clip(high - low, 0, None)
@@ -103,7 +108,7 @@ def _area_weights(fine: int, coarse: int, shift: float) -> NDArray[np.float64]:
 
 
 def _row_weights(fine: int, coarse: int) -> NDArray[np.float64]:
-    """Return (coarse, fine) shares by solid angle: the cosine of the polar angle is linear in it."""
+    """Return (coarse, fine) shares by solid angle, in which the polar angle's cosine is linear."""
     low = np.maximum(np.arange(coarse)[:, None] / coarse, np.arange(fine) / fine)
     high = np.minimum(np.arange(1, coarse + 1)[:, None] / coarse, np.arange(1, fine + 1) / fine)
     overlap = np.where(high > low, np.cos(np.pi * low) - np.cos(np.pi * np.maximum(high, low)), 0.0)

@@ -8,19 +8,18 @@ so that a clamped lookup fades out instead of smearing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bake import workers
-from bake.billboard import held_out_relit
+from bake.billboard import held_out_psnr
 from formats.billboard import Billboard
 from formats.coefficients import Coefficients
 from formats.errors import InputError
 from maths import sprite_packing
-from maths.image_error import psnr
 
 Float = NDArray[np.float32]
 
@@ -79,10 +78,9 @@ def pack(
     params.check()
     master = master.checked("mips")
     border = border_of(params)
-    widths, levels = padded_size(master.alpha.shape[2], border), None
-    heights = padded_size(master.alpha.shape[1], border)
-    count = level_count(min(widths, heights))
-    width, height = (-(-n // (1 << (count - 1))) << (count - 1) for n in (widths, heights))
+    padded = [n + 2 * border for n in master.alpha.shape[:0:-1]]
+    count = level_count(min(padded))
+    width, height = (-(-n // (1 << (count - 1))) << (count - 1) for n in padded)
     planes = np.stack([
         _placed(sprite_packing.pack(t, a, params.packing), border, width, height)
         for t, a in zip(master.terms, master.alpha, strict=True)
@@ -104,18 +102,13 @@ def pack(
     )
     quality = {**master.quality, "border": border, "levels": count, "clipped_values": clipped}
     quality |= losses(master, board, border)
-    return Billboard(**{**board.__dict__, "quality": quality})
+    return replace(board, quality=quality)
 
 
 def border_of(params: Params) -> int:
     """Return the border in texels: support of filter and bilinear lookup at the largest LOD."""
     reach = FILTERS[params.filter].half_width + 1.0
     return int(np.ceil(reach * 2 ** np.ceil(params.max_lod))) if params.max_lod > 0 else 2
-
-
-def padded_size(content: int, border: int) -> int:
-    """Return content with its border on both sides."""
-    return content + 2 * border
 
 
 def level_count(smaller: int) -> int:
@@ -210,11 +203,8 @@ def _coded(
     if params.depth == "16":
         top = np.float32(65504)
         clipped = sum(int(np.count_nonzero(np.abs(lv) > top)) for lv in levels)
-        return (
-            np.ones((planes, 4), np.float32),
-            tuple(np.clip(lv, -top, top).astype(np.float16) for lv in levels),
-            clipped,
-        )
+        halves = tuple(np.clip(lv, -top, top).astype(np.float16) for lv in levels)
+        return np.ones((planes, 4), np.float32), halves, clipped
     scales = sprite_packing.scales_of(by_plane[0])
     coded, clipped = [], 0
     for plane in by_plane:
@@ -226,9 +216,8 @@ def _coded(
 
 def decoded(board: Billboard, level: int = 0, view: int = 0) -> Float:
     """Return the float planes (P, h, w, 4) of one level and view of a stored sprite."""
-    codes = board.levels[level].reshape(board.views, board.planes, *board.levels[level].shape[1:])[
-        view
-    ]
+    codes = board.levels[level]
+    codes = codes.reshape(board.views, board.planes, *codes.shape[1:])[view]
     return sprite_packing.decode(codes, board.scales)
 
 
@@ -245,11 +234,7 @@ def losses(master: Coefficients, board: Billboard, border: int) -> dict[str, Any
         "packed": sprite_packing.unpack(packed, terms, board.packing, board.unpack),
         "stored": sprite_packing.unpack(stored, terms, board.packing, board.unpack),
     }
-    peak = float(master.held_out.max()) or 1.0
-    result = {
-        f"psnr_{name}": float(psnr(master.held_out, held_out_relit(master, Y), peak))
-        for name, Y in candidates.items()
-    }
+    result = {f"psnr_{name}": held_out_psnr(master, Y) for name, Y in candidates.items()}
     result["loss_packing_db"] = result["psnr_full"] - result["psnr_packed"]
     result["loss_bits_db"] = result["psnr_packed"] - result["psnr_stored"]
     return result

@@ -133,8 +133,10 @@ def check_rays(origins: Float, directions: Float, *, finite: bool = False) -> No
     if len(directions) not in (1, len(origins)):
         raise ValueError(f"{len(directions)} directions do not fit {len(origins)} origins")
     # A sum is finite only where every term is, and costs a tenth of testing each element
-    known = 0.0 if finite else float(origins.sum(dtype=np.float64))
-    if not np.isfinite(known + float(directions.sum(dtype=np.float64))):
+    with np.errstate(invalid="ignore"):
+        known = 0.0 if finite else float(origins.sum(dtype=np.float64))
+        total = known + float(directions.sum(dtype=np.float64))
+    if not np.isfinite(total):
         raise ValueError("rays must be finite")
     if not np.abs(directions).max(axis=1, initial=0.0).min(initial=1.0) > 1e-18:
         raise ValueError("a ray has no direction")

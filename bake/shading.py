@@ -3,7 +3,7 @@
 A hit has up to three *channels*, each one number a light times one colour a hit, so that the sum
 over lights runs on numbers and colours enter once at the end:
 
-    diffuse   max(0, n.l) V      albedo (1 - metallic) (1 - tau) / pi
+    diffuse   max(0, n.l) V      albedo (1 - metallic * strength) (1 - tau) / pi
     through   max(0, -n.l) V'    albedo tau / pi              V' seen from the far side of the sheet
     gloss     D G F n.l V        strength * lerp(1, albedo, metallic)
 """
@@ -109,7 +109,8 @@ class Surface:
             back=None if through is None else offset_origins(points, -geometric),
             normal=normal,
             view=to_viewer,
-            diffuse=albedo * (1 - metallic) * (1 - tau) / np.float32(np.pi),
+            # A metal without gloss would be black: it gives up only what its lobe takes
+            diffuse=albedo * (1 - metallic * self.strength) * (1 - tau) / np.float32(np.pi),
             through=through,
             gloss=tint * self.strength if self.strength else None,
             thin=tau[:, 0] > 0,

@@ -1,10 +1,13 @@
 """Meshes from files, through trimesh: OBJ, PLY, STL, OFF, GLB and glTF, with their colours.
 
-What a file means, and what was mended, is said in `Mesh.notes`; what cannot be used is one InputError.
+What a file means, and what was mended, is said in `Mesh.notes`; what cannot be used is one
+InputError.
 """
 
 from __future__ import annotations
 
+import contextlib
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -13,9 +16,9 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from bake import materials
 from formats.errors import InputError
-from formats.mesh import Material, Mesh
-from maths.colour import srgb_decode
+from formats.mesh import Mesh
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 MAX_BYTES = 1 << 30
@@ -24,23 +27,56 @@ CREASE = np.cos(np.radians(40))  # faces that meet at less than 40 degrees are s
 
 
 def files(path: Path) -> tuple[Path, ...]:
-    """Return all the files that a mesh file consists of: itself, then materials, buffers, textures."""
+    """Return all files that a mesh file consists of: itself, then materials, buffers, textures.
+
+    Only files in the mesh's own folder, or below it, are read, and so listed.
+    """
     found = [path]
-    if path.suffix.lower() == ".obj":
-        for library in _mentioned(path, rb"^\s*mtllib\s+(.+?)\s*$"):
+    suffix = path.suffix.lower()
+    if suffix == ".obj":
+        for library in _present(path, _lines(path, rb"mtllib\s+(.+)")):
             found.append(library)
-            found += _mentioned(library, rb"^\s*map_\w+\s+(?:-\S+\s+\S+\s+)*(.+?)\s*$")
-    elif path.suffix.lower() == ".gltf":
-        found += _mentioned(path, rb'"uri"\s*:\s*"(?!data:)([^"]+)"')
+            images = _lines(library, rb"map_\w+\s+(?:-\S+\s+\S+\s+)*(.+)")
+            found += _present(path, images)
+    elif suffix == ".gltf":
+        found += _present(path, _uris(path))
     return tuple(dict.fromkeys(found))
 
 
-def _mentioned(path: Path, pattern: bytes) -> list[Path]:
-    names = re.findall(pattern, path.read_bytes(), re.MULTILINE)
-    mentioned = [path.parent / unquote(name.decode(errors="replace")) for name in names]
-    return [
-        m for m in mentioned if m.is_file() and m.resolve().is_relative_to(path.parent.resolve())
-    ]
+def _lines(path: Path, pattern: bytes) -> list[str]:
+    """List what `pattern` captures at the starts of lines."""
+    if not path.is_file() or path.stat().st_size > MAX_BYTES:
+        return []
+    names = re.findall(rb"(?im)^[ \t]*" + pattern + rb"$", path.read_bytes())
+    return [name.strip().decode(errors="replace") for name in names]
+
+
+def _uris(path: Path) -> list[str]:
+    """List the buffers and images that a glTF file keeps in files of their own."""
+    if not path.is_file() or path.stat().st_size > MAX_BYTES:
+        return []
+    try:
+        tree = json.loads(path.read_bytes())
+        items = [item for key in ("buffers", "images") for item in tree.get(key, [])]
+        return [str(item["uri"]) for item in items if "uri" in item]
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        # `load` says what is wrong with it
+        return []
+
+
+def _present(path: Path, names: list[str]) -> list[Path]:
+    """Find files by the names that a mesh file mentions, where trimesh looks for them."""
+    root, found = path.parent.resolve(), []
+    for name in names:
+        if name.startswith("data:") or "\0" in name:
+            continue
+        for spelling in (name, unquote(name), name.lstrip("/"), name.rsplit("/", 1)[-1]):
+            file = path.parent / spelling
+            with contextlib.suppress(OSError):  # such as a name that is too long
+                if file.resolve().is_relative_to(root) and file.is_file():
+                    found.append(file)
+                    break
+    return found
 
 
 def load(path: Path) -> Mesh:
@@ -50,14 +86,14 @@ def load(path: Path) -> Mesh:
 
     try:
         scene = trimesh.load_scene(path, process=False)
-        parts = [_part(*item, path) for item in _placed(scene)]
+        reader = materials.Reader(linear=path.suffix.lower() in (".glb", ".gltf"))
+        parts = [_part(*item, path, reader) for item in _placed(scene)]
     except InputError:
         raise
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"[:160]
-        raise InputError(
-            path, "", reason, "this mesh cannot be read; export it again as GLB"
-        ) from error
+        remedy = "this mesh cannot be read; export it again as GLB"
+        raise InputError(path, "", reason, remedy) from error
     parts = [part for part in parts if len(part.faces)]
     if not parts:
         raise InputError(path, "faces", 0, "the file holds no triangles; export a mesh with faces")
@@ -72,10 +108,8 @@ def check_file(path: Path) -> None:
         raise InputError(path, "suffix", path.suffix, f"use one of {', '.join(SUFFIXES)}")
     size = path.stat().st_size
     if size == 0 or size > MAX_BYTES:
-        remedy = (
-            "export it again" if size == 0 else f"the limit is {MAX_BYTES} bytes; simplify the mesh"
-        )
-        raise InputError(path, "bytes", size, remedy)
+        limit = f"the limit is {MAX_BYTES} bytes; simplify the mesh"
+        raise InputError(path, "bytes", size, limit if size else "export it again")
 
 
 def _placed(scene: Any) -> list[tuple[Any, NDArray[np.float64]]]:
@@ -89,50 +123,42 @@ def _placed(scene: Any) -> list[tuple[Any, NDArray[np.float64]]]:
     return placed
 
 
-def _part(mesh: Any, matrix: NDArray[np.float64], path: Path) -> Mesh:
+def _part(mesh: Any, matrix: NDArray[np.float64], path: Path, reader: materials.Reader) -> Mesh:
     """Turn one trimesh geometry into a Mesh in world space."""
     with np.errstate(all="ignore"):
         vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
-        raise InputError(
-            path,
-            "faces",
-            int(faces.max()),
-            f"the file has {len(vertices)} vertices; export it again",
-        )
+        remedy = f"the file has {len(vertices)} vertices; export it again"
+        raise InputError(path, "faces", int(faces.max()), remedy)
     used = np.unique(faces)
     bad = used[~np.isfinite(vertices[used]).all(axis=1)]
     if bad.size:
-        raise InputError(
-            path,
-            f"vertices[{bad[0]}]",
-            vertices[bad[0]].tolist(),
-            "coordinates must be finite; repair the mesh",
-        )
+        remedy = "coordinates must be finite; repair the mesh"
+        raise InputError(path, f"vertices[{bad[0]}]", vertices[bad[0]].tolist(), remedy)
+    # What no face uses does not matter
+    vertices[~np.isfinite(vertices).all(axis=1)] = 0
     if np.linalg.det(matrix[:3, :3]) < 0:
         faces = faces[:, ::-1]
     # Drop faces without area: they cannot be hit and have no normal
     faces, kept, dropped = _with_area(vertices, faces)
     given = mesh._cache.cache.get("vertex_normals") if hasattr(mesh, "_cache") else None
     if given is not None and np.shape(given) == vertices.shape and np.isfinite(given).all():
-        inverse = (
-            np.linalg.inv(matrix[:3, :3]) if abs(np.linalg.det(matrix[:3, :3])) > 0 else np.eye(3)
-        )
+        linear = matrix[:3, :3]
+        inverse = np.linalg.inv(linear) if np.linalg.det(linear) != 0 else np.eye(3)
         normals = _unit(np.asarray(given, np.float64) @ inverse)[faces]
     else:
         normals = corner_normals(vertices, faces)
-    uv, colours, material = _looks(mesh, path, len(vertices), kept)
-    notes = (f"dropped {dropped} faces without area",) if dropped else ()
+    look = reader.look(mesh, kept)
     return Mesh(
-        vertices,
-        faces,
-        normals.astype(np.float32),
-        np.zeros(len(faces), np.int32),
-        (material,),
-        uv,
-        colours,
-        notes,
+        vertices=vertices,
+        faces=faces,
+        normals=normals.astype(np.float32),
+        material=np.zeros(len(faces), np.int32),
+        materials=(look.material,),
+        uv=look.uv,
+        colours=look.colours,
+        notes=(f"dropped {dropped} faces without area",) if dropped else (),
     )
 
 
@@ -148,8 +174,9 @@ def _with_area(
 
 
 def corner_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return unit normals (m, 3, 3), one a corner: the area-weighted mean of the faces about the corner's
-    point that meet this face at less than the crease angle, wherever a seam splits the point's vertices."""
+    """Return unit normals (m, 3, 3), one a corner: the area-weighted mean of the faces about the
+    corner's point that meet this face at less than the crease angle, wherever a seam splits the
+    point's vertices."""
     from scipy.sparse import csr_array
 
     if not len(faces):
@@ -190,78 +217,14 @@ def corner_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
 
 def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, length, where=length > 0, out=np.zeros_like(vectors))
-
-
-def _looks(
-    mesh: Any, path: Path, count: int, kept: NDArray[np.bool_]
-) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None, Material]:
-    """Return uv, vertex colours and material of one trimesh geometry, all linear."""
-    visual = mesh.visual
-    stored_linear = path.suffix.lower() in (".glb", ".gltf")
-    uv, material, raw = None, Material(), None
-    if getattr(visual, "kind", None) == "texture":
-        raw = visual.vertex_attributes.get("color")
-        uv = None if visual.uv is None else np.asarray(visual.uv, np.float32)
-        if uv is not None and (uv.shape != (count, 2) or not np.isfinite(uv).all()):
-            uv = None
-        material = _material(visual.material, has_uv=uv is not None)
-    elif getattr(visual, "kind", None) == "vertex":
-        raw, material = visual.vertex_colors, Material(base_color=(1.0, 1.0, 1.0))
-    elif getattr(visual, "kind", None) == "face":
-        shade = _colours(visual.face_colors[kept].mean(axis=0)[None], stored_linear)[0]
-        material = Material(base_color=(float(shade[0]), float(shade[1]), float(shade[2])))
-    colours = None if raw is None else _colours(np.asarray(raw), stored_linear)
-    if colours is not None and len(colours) != count:
-        colours = None
-    return uv, colours, material
-
-
-def _colours(raw: NDArray[Any], stored_linear: bool) -> NDArray[np.float32]:
-    """Bring vertex colours (n, 3 or 4) of any type to linear 0..1; integers outside glTF are sRGB."""
-    top = float(np.iinfo(raw.dtype).max) if raw.dtype.kind in "iu" else 1.0
-    colours = np.nan_to_num(raw[:, :3].astype(np.float64) / top).clip(0, 1)
-    return (colours if stored_linear else srgb_decode(colours)).astype(np.float32)
-
-
-def _material(material: Any, *, has_uv: bool) -> Material:
-    pbr = (
-        material.to_pbr()
-        if hasattr(material, "to_pbr") and not hasattr(material, "baseColorFactor")
-        else material
-    )
-    factor = getattr(pbr, "baseColorFactor", None)
-    image = getattr(pbr, "baseColorTexture", None) if has_uv else None
-    base = np.ones(4) if factor is None else np.asarray(factor, np.float64)
-    base = base / 255 if base.max() > 1 else base
-    texture = None
-    if image is not None:
-        texture = srgb_decode(
-            np.asarray(image.convert("RGB"), np.float32) / np.float32(255)
-        ).astype(np.float32)
-    metallic, roughness = (
-        getattr(pbr, "metallicFactor", None),
-        getattr(pbr, "roughnessFactor", None),
-    )
-    return Material(
-        name=str(getattr(pbr, "name", "") or ""),
-        base_color=(float(base[0]), float(base[1]), float(base[2])),
-        texture=texture,
-        metallic=0.0 if metallic is None else float(metallic),
-        roughness=0.7 if roughness is None else float(roughness),
-        double_sided=bool(getattr(pbr, "doubleSided", False)),
-    )
+    return np.asarray(np.divide(vectors, length, where=length > 0, out=np.zeros_like(vectors)))
 
 
 def _joined(parts: list[Mesh], path: Path) -> Mesh:
     """Concatenate parts; one without uv or colours gets neutral ones where another has them."""
-    if sum(len(p.faces) for p in parts) > MAX_FACES:
-        raise InputError(
-            path,
-            "faces",
-            sum(len(p.faces) for p in parts),
-            f"the limit is {MAX_FACES}; simplify the mesh",
-        )
+    total = sum(len(p.faces) for p in parts)
+    if total > MAX_FACES:
+        raise InputError(path, "faces", total, f"the limit is {MAX_FACES}; simplify the mesh")
     starts = np.cumsum([0] + [len(p.vertices) for p in parts])
     uv = colours = None
     if any(p.uv is not None for p in parts):

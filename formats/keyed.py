@@ -1,6 +1,7 @@
 """Numbers and vectors that may move: one value, or keys over time."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -44,7 +45,7 @@ class Keyed:
             value = keyframes.sample(self.times, self.values, t, self.interpolation, self.loop)
         return float(value) if self.values.ndim == 1 else np.array(value, dtype=np.float64)
 
-    @property
+    @cached_property
     def constant(self) -> bool:
         """Whether the value is the same at all times."""
         return bool(np.all(self.values == self.values[0]))

@@ -5,6 +5,7 @@ The truth is sampled: every frame where there are few, and every key in any case
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,7 @@ def moments(scene: Scene, most: int = MOMENTS) -> NDArray[np.float64]:
     return np.union1d(np.linspace(0.0, duration, min(frames, most)), keys)
 
 
+@lru_cache(maxsize=8)
 def largest_blur(scene: Scene, lines: int) -> Blur | None:
     """The largest circle of confusion of any sprite seen, in pixels of a picture `lines` high.
 

@@ -303,5 +303,4 @@ def _nearest(keys: Keyed) -> float:
     """The least length that a keyed vector takes, at 64 moments between each two keys."""
     share = np.arange(64) / 64
     between = (keys.times[:-1, None] + np.diff(keys.times)[:, None] * share).ravel()
-    lengths = [np.linalg.norm(keys.at(t)) for t in [*between, keys.times[-1]]]
-    return float(min(lengths))
+    return float(np.linalg.norm(keys.at(np.append(between, keys.times[-1])), axis=-1).min())

@@ -3,6 +3,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -95,6 +96,10 @@ class Billboards:
 
     def instances(self) -> Instances:
         """Every sprite of the set; the same for the same scene on every machine."""
+        return self._instances
+
+    @cached_property
+    def _instances(self) -> Instances:
         if self.scatter is not None:
             return self.scatter.instances()
         return placed(self.positions, self.scale, self.yaw, self.flip, self.tint)
@@ -135,16 +140,16 @@ def check(billboards: Billboards, where: Where) -> None:
         if each is not None and len(each) != n:
             where.at(key).refuse(f"{len(each)} items", f"write one a position, {n}")
     if billboards.scatter is not None:
-        _check_scatter(billboards.scatter, where.at("scatter"))
+        _check_scatter(billboards, billboards.scatter, where.at("scatter"))
 
 
-def _check_scatter(scatter: Scatter, where: Where) -> None:
+def _check_scatter(billboards: Billboards, scatter: Scatter, where: Where) -> None:
     if scatter.box.shape != (2, 3) or np.any(scatter.box[0] > scatter.box[1]):
         remedy = "write two corners [[x0, y0, z0], [x1, y1, z1]], the lower first"
         where.at("box").refuse(scatter.box.tolist(), remedy)
     if scatter.height[0] > scatter.height[1]:
         where.at("height").refuse(list(scatter.height), "write the lesser factor first")
     try:
-        scatter.instances()
+        billboards.instances()
     except ValueError as error:
         where.at("clearing").refuse(str(error), "make it smaller, or the box larger")

@@ -84,7 +84,7 @@ def fit_weights(
     t, w, g = _checked(angles, sample_weights, ridge, gains)
     harmonics = harmonic_of(terms)
     warnings: list[str] = []
-    # Reduce the order to what as many azimuths can tell apart (NUMERICS C2)
+    # Reduce the order to what as many azimuths can tell apart
     gap, azimuths = _largest_gap(t[(w > NEGLIGIBLE) & (g > 0)])
     order = min(int(harmonics[-1]), max(0, (azimuths - 1) // 2))
     if order < harmonics[-1]:

@@ -10,7 +10,6 @@ References
 ----------
 Evans 2004, Making Pretty Pictures with D3D (lights as coefficients: cost does not depend on their
 number).
-Duff et al. 2017, Building an Orthonormal Basis, Revisited, JCGT 6(1).
 """
 
 from collections.abc import Callable
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maths.circular_basis import harmonic_of
+from maths.sampling import cap_quadrature
 from maths.transforms import latlong_direction, latlong_solid_angles, normalise
 
 Array = NDArray[np.float64]
@@ -157,9 +157,12 @@ def project_sphere(
     angle = np.maximum(np.where(inside, np.pi, np.arcsin(sine)), 1e-3)
     # 1 - cos without cancellation
     height = np.where(inside, 2.0, sine**2 / (1.0 + np.abs(cosine)))
-    directions, area = _cap_nodes(normalise(towards), angle, nodes, one_sided)
+    directions, area = cap_quadrature(normalise(towards), angle, nodes, above=one_sided)
     weights = evaluate_direction(directions, terms, axis=axis, elevation=elevation)
     share = area * (0.5 * height / np.sin(0.5 * angle) ** 2)[..., None]
+    if one_sided:
+        # Nothing at all from behind, whatever the least cap reaches over
+        share = share * (inside | (centre[..., 2] > -R))[..., None]
     mean = np.einsum("...nk,...n->...k", weights, share)
     return np.asarray(mean[..., :, None] * np.asarray(radiance, np.float64)[..., None, :])
 
@@ -211,52 +214,3 @@ def _components(unit: Array, axis: str) -> tuple[Array, Array, Array]:
     if axis not in RING_AXES:
         raise ValueError("The axis of a ring is view or up.")
     return RING_AXES[axis](unit)
-
-
-def _cap_nodes(
-    centre: Array, angle: Array, nodes: tuple[int, int], clip: bool
-) -> tuple[Array, Array]:
-    """Directions (..., n, 3) over caps of half-angle `angle`, and their solid angles (..., n).
-
-    The cap is cut in strips of equal z, whose area is dz times their azimuth. With `clip` it ends at
-    z = 0, so that the shares move with a light that sets, and none jumps.
-    """
-    tilt, turn = _polar(centre)
-    # From below: circles around -z, the part where z cuts the rim twice, circles around +z
-    low, high = np.cos(angle + tilt), np.cos(angle - tilt)
-    bottom, top = np.where(angle + tilt > np.pi, -1.0, low), np.where(angle > tilt, 1.0, high)
-    edges = np.stack([bottom, low, high, top], axis=-1)
-    edges = np.maximum(edges, 0.0) if clip else edges
-    x, w = np.polynomial.legendre.leggauss(nodes[0])
-    y, v = np.polynomial.legendre.leggauss(nodes[1])
-    # Azimuths end like a square root, which cos undoes
-    grid, step = -np.cos(np.pi / 2 * (x + 1)), np.pi / 2 * w * np.sin(np.pi / 2 * (x + 1))
-    found = []
-    for part in range(3):
-        middle = 0.5 * (edges[..., part] + edges[..., part + 1])[..., None]
-        half = 0.5 * (edges[..., part + 1] - edges[..., part])[..., None]
-        if part != 1 and not np.any(half > 0):
-            continue
-        z = middle + half * grid
-        ring = np.sqrt(np.maximum(0.0, 1.0 - z * z))
-        width = np.full_like(z, np.pi)
-        if part == 1:
-            reach = ring * np.sin(tilt)[..., None]
-            rim = np.cos(angle)[..., None] - z * np.cos(tilt)[..., None]
-            # A rim out of reach is one that rounding put there
-            inside = np.clip(rim, -reach, reach) / np.where(reach > 0, reach, 1.0)
-            width = np.arccos(np.clip(inside, -1.0, 1.0))
-        phi = turn[..., None, None] + width[..., None] * y
-        r = ring[..., None]
-        cap = np.stack(
-            [r * np.cos(phi), r * np.sin(phi), np.broadcast_to(z[..., None], phi.shape)], -1
-        )
-        area = (half * step * width)[..., None] * v
-        found.append((cap.reshape(*z.shape[:-1], -1, 3), area.reshape(*z.shape[:-1], -1)))
-    return np.concatenate([d for d, _ in found], -2), np.concatenate([a for _, a in found], -1)
-
-
-def _polar(unit: Array) -> tuple[Array, Array]:
-    """Angle from +z and azimuth from +x."""
-    x, y, z = np.moveaxis(unit, -1, 0)
-    return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)

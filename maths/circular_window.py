@@ -20,6 +20,7 @@ from maths.circular_basis import evaluate, harmonic_of
 BISECTIONS = 20  # the amount is exact to 2^-20: under half a code of any 16-bit picture
 BLOCK = 65536  # signals at once: 17 MB of samples for five terms
 NEWTON_STEPS = 4
+VALLEYS = 3  # two is all that five terms have; a fourth as low as the lowest is not looked for
 
 
 def window(terms: int, amount: ArrayLike) -> NDArray[np.float64]:
@@ -84,21 +85,27 @@ def _minimum(Y: NDArray[np.float64]) -> NDArray[np.float64]:
     terms = Y.shape[-1]
     if terms == 1:
         return np.asarray(Y[:, 0] / np.sqrt(2.0 * np.pi))
-    # Sample, then walk from the lowest sample down to the bottom of its valley
     spacing = 2.0 * np.pi / (8 * (terms - 1))
     t = spacing * np.arange(8 * (terms - 1))
     values = Y @ evaluate(t, terms).T
     lowest = np.min(values, axis=-1)
-    at = t[np.argmin(values, axis=-1)]
     h = harmonic_of(terms)
     # d/dt of (sin, cos) pairs is h (cos, -sin): swap the pairs
     slope, curvature = np.zeros_like(Y), -Y * h * h
     slope[:, 1::2], slope[:, 2::2] = -Y[:, 2::2] * h[2::2], Y[:, 1::2] * h[1::2]
-    for _ in range(NEWTON_STEPS):
-        basis = evaluate(at, terms)
-        first, second = np.sum(slope * basis, axis=-1), np.sum(curvature * basis, axis=-1)
-        bent = second > 1e-12 * np.max(np.abs(Y), axis=-1)
-        step = np.where(bent, first, 0.0) / np.where(bent, second, 1.0)
-        at = at - np.clip(step, -spacing, spacing)
+    least = 1e-12 * np.max(np.abs(Y), axis=-1)
+    valley = (values <= np.roll(values, 1, -1)) & (values <= np.roll(values, -1, -1))
+    values = np.where(valley, values, np.inf)
+    # Walk from the lowest samples of the lowest valleys down to their bottoms
+    for _ in range(min(terms // 2, VALLEYS)):
+        start = np.argmin(values, axis=-1)
+        values[np.arange(len(Y)), start] = np.inf
+        at = t[start]
+        for _ in range(NEWTON_STEPS):
+            basis = evaluate(at, terms)
+            first, second = np.sum(slope * basis, axis=-1), np.sum(curvature * basis, axis=-1)
+            bent = second > least
+            step = np.where(bent, first, 0.0) / np.where(bent, second, 1.0)
+            at = at - np.clip(step, -spacing, spacing)
         lowest = np.minimum(lowest, np.sum(Y * evaluate(at, terms), axis=-1))
     return np.asarray(lowest)

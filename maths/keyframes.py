@@ -39,7 +39,9 @@ def sample(
         return np.broadcast_to(keyed[0], at.shape + keyed.shape[1:]).copy()
     # Bring the time into the keys' range
     period = when[-1] - when[0]
-    at = when[0] + np.mod(at - when[0], period) if loop else np.clip(at, when[0], when[-1])
+    # A loop takes whole turns off, so that times in the first one keep every bit
+    at = at - np.floor((at - when[0]) / period) * period if loop else at
+    at = np.clip(at, when[0], when[-1])
     left = np.clip(np.searchsorted(when, at, side="right") - 1, 0, len(when) - 2)
     width = when[left + 1] - when[left]
     fraction = ((at - when[left]) / width).reshape(at.shape + (1,) * (keyed.ndim - 1))

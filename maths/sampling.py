@@ -170,3 +170,57 @@ def orthonormal_basis(normal: ArrayLike) -> tuple[Array, Array]:
     q = x * y * p
     a = np.stack([1.0 + sign * x * x * p, sign * q, -sign * x], axis=-1)
     return a, np.stack([q, sign + y * y * p, -y], axis=-1)
+
+
+def cap_quadrature(
+    centre: ArrayLike, half_angle: ArrayLike, nodes: tuple[int, int], *, above: bool = False
+) -> tuple[Array, Array]:
+    """Directions over a cap and the solid angle of each: nodes of Gauss, strip by strip of equal z.
+
+    The area of a strip is dz times its azimuth. With `above` the cap ends at z = 0, and as it sets
+    the shares move and none jumps.
+
+    centre : (..., 3) unit.  half_angle : (...) radians in (0, pi].  nodes : strips, and azimuths on
+        each, for each of up to three parts of the cap.
+    Returns (..., n, 3) unit and (..., n) steradians, n the same for all caps of the call.
+
+    >>> _, area = cap_quadrature([0.6, 0.0, 0.8], 0.5, (8, 8))
+    >>> bool(abs(area.sum() / (2 * np.pi * (1 - np.cos(0.5))) - 1) < 1e-3)
+    True
+    """
+    unit, angle = np.asarray(centre, np.float64), np.asarray(half_angle, np.float64)
+    tilt = np.arctan2(np.hypot(unit[..., 0], unit[..., 1]), unit[..., 2])
+    turn = np.arctan2(unit[..., 1], unit[..., 0])
+    # From below: circles around -z, the part where z cuts the rim twice, circles around +z
+    low = np.cos(angle + tilt)
+    high = np.maximum(np.cos(angle - tilt), low)
+    bottom, top = np.where(angle + tilt > np.pi, -1.0, low), np.where(angle > tilt, 1.0, high)
+    edges = np.stack([bottom, low, high, top], axis=-1)
+    edges = np.maximum(edges, 0.0) if above else edges
+    x, w = np.polynomial.legendre.leggauss(nodes[0])
+    y, v = np.polynomial.legendre.leggauss(nodes[1])
+    # Azimuths end like a square root, which cos undoes
+    grid, step = -np.cos(np.pi / 2 * (x + 1)), np.pi / 2 * w * np.sin(np.pi / 2 * (x + 1))
+    found = []
+    for part in range(3):
+        middle = 0.5 * (edges[..., part] + edges[..., part + 1])[..., None]
+        half = 0.5 * (edges[..., part + 1] - edges[..., part])[..., None]
+        if part != 1 and not np.any(half > 0):
+            continue
+        z = middle + half * grid
+        ring = np.sqrt(np.maximum(0.0, 1.0 - z * z))
+        width = np.full_like(z, np.pi)
+        if part == 1:
+            reach = ring * np.sin(tilt)[..., None]
+            rim = np.cos(angle)[..., None] - z * np.cos(tilt)[..., None]
+            # A rim out of reach is one that rounding put there
+            inside = np.clip(rim, -reach, reach) / np.where(reach > 0, reach, 1.0)
+            width = np.arccos(np.clip(inside, -1.0, 1.0))
+        phi = turn[..., None, None] + width[..., None] * y
+        r = ring[..., None]
+        cap = np.stack(
+            [r * np.cos(phi), r * np.sin(phi), np.broadcast_to(z[..., None], phi.shape)], -1
+        )
+        area = (half * step * width)[..., None] * v
+        found.append((cap.reshape(*z.shape[:-1], -1, 3), area.reshape(*z.shape[:-1], -1)))
+    return np.concatenate([d for d, _ in found], -2), np.concatenate([a for _, a in found], -1)

@@ -62,14 +62,14 @@ class Camera:
         return float(np.arctan2(-z, x))
 
     def clip_from_world(self, aspect: float) -> NDArray[np.float64]:
-        """(4, 4) with its far plane at infinity: window depth is 1 - NEAR / distance along the axis."""
+        """(4, 4), far plane at infinity: window depth is 1 - NEAR / distance along the axis."""
         return (
             transforms.perspective(self.focal_length, self.sensor_height, aspect, NEAR, np.inf)
             @ self.view_from_world
         )
 
     def world_from_ray(self, aspect: float) -> NDArray[np.float64]:
-        """(3, 3) from (x, y, 1), x and y in -1..1 over the picture, to a ray of length 1 on the axis."""
+        """(3, 3) from (x, y, 1), -1..1 over the picture, to a ray of length 1 along the axis."""
         half = 0.5 * self.sensor_height / self.focal_length
         world_from_view = self.view_from_world[:3, :3].T
         return world_from_view @ np.diag([half * aspect, half, -1.0])

@@ -24,7 +24,9 @@ def make_context() -> Any:
         backend = _headless()
         context = moderngl.create_context(context=backend)
     except Exception as error:
-        raise MachineError("OpenGL", "no context", f"{type(error).__name__}: {error}", REMEDY) from None
+        raise MachineError(
+            "OpenGL", "no context", f"{type(error).__name__}: {error}", REMEDY
+        ) from None
     context.extra = {"load": backend.load}
     return context
 
@@ -45,7 +47,11 @@ def _headless() -> Any:
 
     index = int(os.environ.get("GLCONTEXT_DEVICE_INDEX", "0"))
     return egl.create_context(
-        mode="standalone", glversion=330, libgl="libGL.so.1", libegl="libEGL.so.1", device_index=index
+        mode="standalone",
+        glversion=330,
+        libgl="libGL.so.1",
+        libegl="libEGL.so.1",
+        device_index=index,
     )
 
 

@@ -16,8 +16,9 @@ class Frame:
     """Everything of one player that lives on the card besides its programs.
 
     Targets are named; the first pass that asks for one makes it. `colour` is RGBA16F scene-linear
-    radiance, `depth` 24-bit with 1 at infinity. Times are wall clock between `finish` calls on software drivers, whose
-    timer queries do not add up, and timer queries elsewhere; `timing` says which.
+    radiance, `depth` 24-bit with 1 at infinity. Times are wall clock between `finish` calls on
+    software drivers, whose timer queries do not add up, and timer queries elsewhere; `timing`
+    says which.
     """
 
     def __init__(self, ctx: Any, size: tuple[int, int]) -> None:

@@ -1,9 +1,10 @@
 """Shadows and contact of sprites on the ground, multiplied into one target.
 
-Channels of the target `shade`: share of suns 0, 1 and 2 that reaches the ground, and of the sky. Each
-sprite's own coverage is laid on the ground away from each sun, as the outline of a body of revolution:
-slices of it are sheared by height / tan(elevation), which at a low sun is the sprite laid flat and at
-noon its crown seen from above. The level of detail rises with the penumbra's width.
+Channels of the target `shade`: share of suns 0, 1 and 2 that reaches the ground, and of the sky.
+Each sprite's own coverage is laid on the ground away from each sun, as the outline of a body of
+revolution: slices of it are sheared by height / tan(elevation), which at a low sun is the sprite
+laid flat and at noon its crown seen from above. The level of detail rises with the penumbra's
+width.
 """
 
 from __future__ import annotations
@@ -120,7 +121,7 @@ class GroundShadows:
 
 
 def _reach(sprites: Any) -> tuple[float, float, float, float]:
-    """Half width, lowest, highest and metres per texel of a set, at scale 1, a soft edge included."""
+    """Half width, lowest, highest, metres per texel of a set at scale 1, soft edge included."""
     asset = sprites.asset
     left, top, right, bottom = sprites.boxes[min(COARSEST, len(sprites.boxes) - 1)]
     (w, h), (x, y), m = asset.size, asset.pivot, asset.metres_per_texel
@@ -129,7 +130,7 @@ def _reach(sprites: Any) -> tuple[float, float, float, float]:
 
 
 def _slices(sprites: Any, tangent: float) -> int:
-    """Slices of a body that a spot's ray meets: as many as the part of the height that it crosses asks.
+    """Slices of a body: as many as the part of its height that a spot's ray crosses asks.
 
     At a low sun the ray crosses the body level, and the sprite laid flat is the shadow.
     """

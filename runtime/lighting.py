@@ -1,7 +1,7 @@
-"""Light as the shaders take it: circular-harmonic coefficients per sprite, and suns and balls for the ground.
+"""Light as shaders take it: coefficients per sprite, suns and balls for the ground.
 
-Sprites stand upright and share the camera's yaw, so a sun or an environment has one projection for a
-whole set; sphere lights are projected per sprite, from its centre.
+Sprites stand upright and share the camera's yaw, so a sun or an environment has one projection
+for a whole set; sphere lights are projected per sprite, from its centre.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SunState:
-    """A sun at one moment: unit direction towards it, perpendicular irradiance, radius in radians."""
+    """A sun at one moment: unit direction towards it, perpendicular irradiance, radius (rad)."""
 
     to_light: Array
     irradiance: Array
@@ -39,7 +39,7 @@ class SphereState:
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentState:
-    """An environment at one moment: its number among the scene's lights, factor (3,), turn in radians."""
+    """An environment at one moment: number among the lights, factor (3,), turn (rad)."""
 
     index: int
     factor: Array
@@ -58,8 +58,8 @@ class Lights:
 def at(scene: Any, time: float, turn: tuple[float, float] = (0.0, 0.0)) -> Lights:
     """Return the scene's lights at `time` seconds.
 
-    turn : (azimuth, elevation) radians added to the first sun, for a viewer. Where there is a ground,
-    a sun fades as its disc sets behind the horizon.
+    turn : (azimuth, elevation) radians added to the first sun, for a viewer. Where there is a
+    ground, a sun fades as its disc sets behind the horizon.
     """
     suns, spheres, environments = [], [], []
     for index, light in enumerate(scene.lights):
@@ -71,7 +71,9 @@ def at(scene: Any, time: float, turn: tuple[float, float] = (0.0, 0.0)) -> Light
             up = above_horizon(direction, radius) if scene.ground else 1.0
             suns.append(SunState(direction, np.asarray(light.irradiance.at(time)) * up, radius))
         elif isinstance(light, Sphere):
-            spheres.append(SphereState(light.position.at(time), light.radius, light.radiance.at(time)))
+            spheres.append(
+                SphereState(light.position.at(time), light.radius, light.radiance.at(time))
+            )
         elif isinstance(light, EnvironmentLight):
             turn_of_map = np.radians(light.rotate)
             environments.append(EnvironmentState(index, light.factor(time), turn_of_map))
@@ -106,27 +108,41 @@ class SpriteLighting:
         self._maps = {index: shrunk(radiance) for index, radiance in environments.items()}
 
     def project(
-        self, lights: Lights, ring: Any, yaw: float, centres: Array, flip: NDArray[np.bool_]
+        self,
+        lights: Lights,
+        ring: Any,
+        yaw: float,
+        centres: Array,
+        flip: NDArray[np.bool_],
+        shares: Sequence[Array | None] = (),
     ) -> tuple[Array, NDArray[np.int64]]:
         """Return (rows, index): row index[i] of `rows` (m, K, 3) lights the sprite i.
 
         yaw : of the camera, radians. centres : (n, 3) of the sprites, metres. flip : (n,) mirrored
-        sprites, whose light is mirrored along x (t -> pi - t) just as their picture is.
+        sprites, whose light is mirrored along x (t -> pi - t) just as their picture is. shares :
+        for each sun, (n,) of it that reaches the sprites, None where all of it does.
         """
         basis = {"axis": ring.axis, "elevation": ring.elevation, "one_sided": ring.one_sided}
         shared = np.zeros((ring.terms, 3))
         sprite_from_world = transforms.rotation("y", -yaw)
-        for sun in lights.suns:
-            direction = sprite_from_world @ sun.to_light
-            shared += circular_harmonics.project_sun(
-                direction, sun.irradiance, ring.terms, **basis
+        parts: list[tuple[Array, Array]] = []
+        for number, sun in enumerate(lights.suns):
+            row = circular_harmonics.project_sun(
+                sprite_from_world @ sun.to_light, sun.irradiance, ring.terms, **basis
             )
+            share = shares[number] if number < len(shares) else None
+            if share is None:
+                shared += row
+            else:
+                parts.append((share, row))
         for environment in (e for e in lights.environments if e.index in self._maps):
             shared += self._environment(environment, ring, yaw, basis) * environment.factor
         mirror = mirror_signs(ring.terms)[:, None]
-        if not lights.spheres:
+        if not lights.spheres and not parts:
             return np.stack([shared, shared * mirror]), flip.astype(np.int64)
         rows = np.repeat(shared[None], len(centres), axis=0)
+        for share, row in parts:
+            rows += share[:, None, None] * row
         for ball in lights.spheres:
             offset = (ball.position - centres) @ sprite_from_world.T
             rows += circular_harmonics.project_sphere(
@@ -177,7 +193,7 @@ def shrunk(radiance: NDArray[np.floating], height: int = 32) -> Array:
 
 
 def irradiance_from_above(radiance: NDArray[np.floating]) -> Array:
-    """Irradiance (3,) of an environment (h, w, 3) on a level plane: integral of L cos over the top half."""
+    """Irradiance (3,) of a map (h, w, 3) on a level plane: integral of L cos over the top half."""
     h, w, _ = radiance.shape
     edges = np.cos(np.pi * np.arange(h + 1) / h)
     # Exact integral of cos over a row's band, 0 below the horizon

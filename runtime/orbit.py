@@ -49,7 +49,9 @@ def focus(camera: Camera, distance: float) -> Camera:
     return replace(camera, focus_distance=max(distance, 1.05 * camera.focal_length))
 
 
-def distance_at_centre(camera: Camera, sets: list[NDArray[np.float64]], ground: float | None) -> float:
+def distance_at_centre(
+    camera: Camera, sets: list[NDArray[np.float64]], ground: float | None
+) -> float:
     """Return the distance along the axis to what stands in the middle of the picture, metres.
 
     sets : (n, 5) sprites each: foot xyz, half width, height. ground : y of the plane or None. Where
@@ -63,7 +65,9 @@ def distance_at_centre(camera: Camera, sets: list[NDArray[np.float64]], ground: 
         offset = sprites[:, :3] - camera.position
         depth = offset @ facing / max(float(facing @ forward), 1e-9)
         hit = depth[:, None] * forward - offset
-        inside = (np.abs(hit @ right) < sprites[:, 3]) & (hit[:, 1] > 0) & (hit[:, 1] < sprites[:, 4])
+        inside = (
+            (np.abs(hit @ right) < sprites[:, 3]) & (hit[:, 1] > 0) & (hit[:, 1] < sprites[:, 4])
+        )
         found += depth[inside & (depth > 0)].tolist()
     if ground is not None and forward[1] < -1e-6:
         found.append((ground - camera.position[1]) / forward[1])

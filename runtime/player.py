@@ -1,7 +1,7 @@
 """The player: a baked scene folder in, pictures out.
 
-Only the passes that the manifest's plan calls for are imported, compiled and allocated. The frame is
-the plan's effects read top to bottom. The same time gives the same bytes in every process.
+Only the passes that the manifest's plan calls for are imported, compiled and allocated. The frame
+is the plan's effects read top to bottom. The same time gives the same bytes in every process.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import scene as scenes, seal
+from formats import scene as scenes
+from formats import seal
 from formats.billboard import Billboard
 from formats.errors import DamagedError, InputError
 from formats.files.reading import strict_json
@@ -30,12 +31,12 @@ LARGEST = 16384  # pixels a side
 class Player:
     """Plays one baked scene.
 
-    folder : what `bakelight bake` wrote. size : (width, height) pixels. context : a moderngl context to
-    draw with; without one a headless context is made, and released again by `close`.
+    folder : what `bakelight bake` wrote. size : (width, height) pixels. context : a moderngl
+    context to draw with; without one a headless context is made, and released again by `close`.
     camera : set it to a runtime.camera.Camera to look from elsewhere than the scene does.
-    sun_turn : (azimuth, elevation) radians added to the first sun.
-    Raises InputError where there is no such scene, DamagedError where its bytes changed, MachineError
-    where no OpenGL context can be made.
+    sun_turn : (azimuth, elevation) radians added to the first sun. Raises InputError where there
+    is no such scene, DamagedError where its bytes changed, MachineError where no OpenGL context
+    can be made.
     """
 
     def __init__(

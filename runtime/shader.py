@@ -14,7 +14,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,9 @@ class Source:
         return _PLACE.sub(place, log)
 
 
-def compose(path: Path, defines: Mapping[str, Any] | None = None, target: str = "desktop") -> Source:
+def compose(
+    path: Path, defines: Mapping[str, Any] | None = None, target: str = "desktop"
+) -> Source:
     """Return the whole source of a shader file for `desktop` (3.30 core) or `es` (3.00).
 
     defines : name -> int, float or string, written as `#define`; True and False as 1 and 0.
@@ -74,7 +76,7 @@ def compose(path: Path, defines: Mapping[str, Any] | None = None, target: str = 
     return _compose(Path(path), tuple(sorted((defines or {}).items())), target)
 
 
-@lru_cache(maxsize=None)
+@cache
 def _compose(path: Path, defines: tuple[tuple[str, Any], ...], target: str) -> Source:
     files: list[Path] = []
     body = "\n".join(_expand(path, files, (), path.parent))
@@ -95,7 +97,9 @@ def _expand(path: Path, files: list[Path], chain: tuple[str, ...], folder: Path)
             lines.append(line)
             continue
         name = match[1]
-        found = next((f for f in (path.parent / name, folder / name, GLSL / name) if f.is_file()), None)
+        found = next(
+            (f for f in (path.parent / name, folder / name, GLSL / name) if f.is_file()), None
+        )
         if found is None:
             raise ShaderError(f'{path.name}:{at}: unknown include "{name}"')
         # A file is pasted once, however many ask for it
@@ -168,7 +172,7 @@ class Programs:
 
 
 def set_uniforms(program: Any, values: Mapping[str, Any]) -> None:
-    """Set uniforms by name; one that the compiler dropped is skipped. A list is an array of vectors."""
+    """Set uniforms by name, but for those the compiler dropped; a list is an array of vectors."""
     for name, value in values.items():
         if name not in program:
             continue

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from runtime import upload
+from runtime.sprite_shadows import coarse_coverage
 
 Array = NDArray[np.float64]
 PACKINGS = {"full": 0, "chroma": 1, "talk": 2}
@@ -18,10 +19,11 @@ PACKINGS = {"full": 0, "chroma": 1, "talk": 2}
 class SpriteSet:
     """One set: asset, texture and instances.
 
-    scale : (n,) factor on the asset's metres per texel. boxes : (levels, 4) texture coordinates of what
-    is not empty at this level or a finer one, edges of the bilinear filter included.
+    scale : (n,) factor on the asset's metres per texel. boxes : (levels, 4) texture coordinates
+    of what is not empty at this level or a finer one, edges of the bilinear filter included.
     foot, crown : half widths, metres at scale 1, near the ground point and of the whole object.
-    cover : mean coverage inside the object's own box.
+    cover : mean coverage inside the object's own box. coarse, coarse_texel : coverage (h, w) at a
+    coarse level and metres of its texel, for shadows on other sprites.
     """
 
     name: str
@@ -37,11 +39,15 @@ class SpriteSet:
     foot: float
     crown: float
     cover: float
+    coarse: Array
+    coarse_texel: float
 
     @property
     def centres(self) -> Array:
         """(n, 3) middle of the objects, metres."""
-        return self.positions + np.array([0.0, 0.5, 0.0]) * (self.asset.height * self.scale)[:, None]
+        return (
+            self.positions + np.array([0.0, 0.5, 0.0]) * (self.asset.height * self.scale)[:, None]
+        )
 
     @property
     def defines(self) -> dict[str, int]:
@@ -52,17 +58,18 @@ class SpriteSet:
         return {"TERMS": asset.ring.terms, "PLANES": asset.planes, "PACKING": packing}
 
     def view_from(self, azimuth: Array) -> NDArray[np.int64]:
-        """Return the baked view (n,) nearest to azimuths (n,) about +y, radians, as seen from the sprites."""
+        """Return the view (n,) nearest to azimuths (n,) about +y, radians, as seen from here."""
         step = 2 * np.pi / self.asset.views
         return np.rint((azimuth - self.yaw) / step).astype(np.int64) % self.asset.views
 
     def decoding(self) -> tuple[bytes, bytes]:
-        """Return (scale, offset) float32 bytes, (P, 4) each: value = texel as OpenGL reads it * scale + offset."""
-        return tuple(a.astype("f4").tobytes() for a in decoding(self.asset))  # type: ignore[return-value]
+        """Return (scale, offset) as float32 bytes, (P, 4) each: see `decoding`."""
+        scale, offset = decoding(self.asset)
+        return scale.astype("f4").tobytes(), offset.astype("f4").tobytes()
 
 
 def decoding(asset: Any) -> tuple[Array, Array]:
-    """Return (scale, offset), (P, 4) each, that decode a texel as the card reads it: 0..1, or a float."""
+    """Return (scale, offset), (P, 4) each: value = texel as the card reads it * scale + offset."""
     scale = np.array(asset.scales, np.float64)
     offset = np.zeros_like(scale)
     if asset.levels[0].dtype == np.uint8:
@@ -79,6 +86,7 @@ def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
     frame.adopt(texture, upload.byte_count(asset.levels))
     factor = billboards.height / asset.height
     foot, crown, cover = outline(asset)
+    coarse, coarse_texel = coarse_coverage(asset)
     return SpriteSet(
         name=billboards.name,
         asset=asset,
@@ -93,14 +101,16 @@ def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
         foot=foot,
         crown=crown,
         cover=cover,
+        coarse=coarse,
+        coarse_texel=coarse_texel,
     )
 
 
 def boxes(levels: Any, planes: int) -> Array:
-    """Return (levels, 4) boxes (left, top, right, bottom), 0..1, outside which a level's coverage is 0.
+    """Return (levels, 4) boxes (left, top, right, bottom), 0..1, that hold all coverage.
 
-    Each box holds those of the finer levels too and one texel more for the bilinear filter; a set that
-    is empty everywhere gets empty boxes.
+    Each box holds those of the finer levels too and one texel more for the bilinear filter; a set
+    that is empty everywhere gets empty boxes.
     """
     found = np.empty((len(levels), 4))
     grown = np.array([1.0, 1.0, 0.0, 0.0])
@@ -109,14 +119,16 @@ def boxes(levels: Any, planes: int) -> Array:
         h, w = filled.shape
         rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
         if len(rows):
-            box = [columns[0] - 1, rows[0] - 1, columns[-1] + 2, rows[-1] + 2] / np.array([w, h, w, h])
+            box = [columns[0] - 1, rows[0] - 1, columns[-1] + 2, rows[-1] + 2] / np.array(
+                [w, h, w, h]
+            )
             grown = np.append(np.minimum(grown[:2], box[:2]), np.maximum(grown[2:], box[2:]))
         found[n] = np.clip(grown, 0, 1)
     return np.where(found[:, :1] < found[:, 2:3], found, 0.0)
 
 
 def outline(asset: Any) -> tuple[float, float, float]:
-    """Return (foot, crown, cover): half widths in metres near the ground and overall, mean coverage."""
+    """Return (foot, crown, cover): half widths (m) near the ground and overall, mean coverage."""
     cover = asset.levels[0][0, ..., 3].astype(np.float64) * asset.scales[0, 3]
     cover = cover / 255 if asset.levels[0].dtype == np.uint8 else cover
     rows = np.flatnonzero(cover.max(axis=1) > 0.1)

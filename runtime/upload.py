@@ -70,9 +70,7 @@ def texture_array(ctx: Any, levels: Sequence[NDArray[Any]], name: str = "texture
     for n, level in enumerate(levels[1:], start=1):
         data = np.ascontiguousarray(level)
         size = (level.shape[2], level.shape[1], layers)
-        gl.glTexImage3D(
-            TEXTURE_2D_ARRAY, n, internal, *size, 0, RGBA, component, data.ctypes.data
-        )
+        gl.glTexImage3D(TEXTURE_2D_ARRAY, n, internal, *size, 0, RGBA, component, data.ctypes.data)
     gl.glTexParameteri(TEXTURE_2D_ARRAY, TEXTURE_BASE_LEVEL, 0)
     gl.glTexParameteri(TEXTURE_2D_ARRAY, TEXTURE_MAX_LEVEL, len(levels) - 1)
     gl.glBindTexture(TEXTURE_2D_ARRAY, 0)

@@ -8,7 +8,7 @@ from wood import UP, Limb, bark, colonise, limbs_of, pipe_radii, shoot, smoothed
 
 OAK_LEAVES = 8200
 OAK_BARK = np.array([0.115, 0.092, 0.070])
-OAK_LEAF = np.array([0.135, 0.205, 0.042])
+OAK_LEAF = np.array([0.185, 0.265, 0.052])
 SAPLING_LEAF = np.array([0.240, 0.330, 0.060])
 GREY_WOOD = np.array([0.200, 0.175, 0.150])
 

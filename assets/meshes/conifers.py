@@ -6,8 +6,8 @@ from clay import Array, Clay, across, unit
 from leaves import GOLDEN_ANGLE, foliage, kite, varied
 from wood import UP, Limb, bark, shoot
 
-SPRUCE_NEEDLE = np.array([0.050, 0.105, 0.066])
-CYPRESS_SPRAY = np.array([0.052, 0.098, 0.045])
+SPRUCE_NEEDLE = np.array([0.066, 0.132, 0.082])
+CYPRESS_SPRAY = np.array([0.070, 0.125, 0.056])
 RED_BARK = np.array([0.135, 0.080, 0.055])
 
 

@@ -1,7 +1,7 @@
 """Relit sprites: sorted back to front, premultiplied, lit by their own light's circular harmonics.
 
-Reads the opaque depth; writes colour. Blur by the lens is a coarser mip level, never added to the one
-that distance asks for: level = max(hardware level, log2(c * circle of confusion in texels)).
+Reads the opaque depth; writes colour. Blur by the lens is a coarser mip level, never added to the
+one that distance asks for: level = max(hardware level, log2(c * circle of confusion in texels)).
 """
 
 from __future__ import annotations
@@ -14,10 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maths import optics
+from runtime import sprite_shadows
 from runtime.shader import set_uniforms
 
 HERE = Path(__file__).parent
 RECORD_ROW = 1024  # texels of a row of the table of records
+FAINT = 1 / 512  # of the brightest sun: its shadows would change less than half an 8-bit code
 IN_VERTEX = 9  # terms that fit in varyings
 
 
@@ -116,10 +118,16 @@ class Pass:
         instances = np.zeros((n, 4, 4), np.float32)
         rows, at, first = [], 4 * n, 0
         depth = np.empty(n)
-        for sprites in self._sets:
+        shares = self._shares(lights)
+        for number, sprites in enumerate(self._sets):
             span = slice(first, first := first + len(sprites.positions))
             light, index = self._lighting.project(
-                lights, sprites.asset.ring, camera.yaw, sprites.centres, sprites.flip
+                lights,
+                sprites.asset.ring,
+                camera.yaw,
+                sprites.centres,
+                sprites.flip,
+                [of_sun and of_sun[number] for of_sun in shares],
             )
             depth[span] = camera.depth(sprites.centres)
             _fill(instances[span], sprites, camera)
@@ -133,14 +141,28 @@ class Pass:
         table[4 * n :, :3] = np.concatenate(rows)
         return table, order
 
+    def _shares(self, lights: Any) -> list[list[NDArray[np.float64]] | None]:
+        """Return for each sun the shares of it that reach the sprites of each set, None for all."""
+        if not any(s.shadow for s in self._sets):
+            return []
+        brightest = max((float(sun.irradiance.max()) for sun in lights.suns), default=0.0)
+        return [
+            sprite_shadows.shares(self._sets, sun.to_light)
+            if sun.irradiance.max() > FAINT * brightest
+            else None
+            for sun in lights.suns
+        ]
+
     def _boxes(self, sprites: Any, camera: Any, depth: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n, 4) boxes that hold all that shows at the level of each sprite."""
         size = sprites.asset.metres_per_texel * sprites.scale
         near = np.maximum(depth, 1e-3)
-        texels_a_pixel = camera.sensor_height * near / (camera.focal_length * self._frame.size[1] * size)
+        texels_a_pixel = (
+            camera.sensor_height * near / (camera.focal_length * self._frame.size[1] * size)
+        )
         level = np.log2(np.maximum(texels_a_pixel, 1.0))
         if self._lens:
-            # Blur is greatest at one end of the sprite's own depth (it may lean to or from the camera)
+            # Blur is greatest at one end of the sprite's depth: it may lean from the camera
             reach = 2 * sprites.crown * sprites.scale + sprites.asset.height * sprites.scale
             lens = camera.focal_length, camera.f_number, camera.focus_distance
             ends = [np.maximum(depth + s * reach, 1e-3) for s in (-1, 0, 1)]
@@ -148,9 +170,11 @@ class Pass:
                 optics.texels(optics.circle_of_confusion(d, *lens), d, lens[0], size) for d in ends
             ]
             asset = sprites.asset
-            level = np.maximum(level, optics.lod(np.max(blur, axis=0), asset.lens_scale, asset.max_lod))
+            level = np.maximum(
+                level, optics.lod(np.max(blur, axis=0), asset.lens_scale, asset.max_lod)
+            )
         last = len(sprites.boxes) - 1
-        # One level of reserve: a sprite seen from above has more texels a pixel than its distance says
+        # One level of reserve: seen from above there are more texels a pixel
         return sprites.boxes[np.minimum(np.ceil(level).astype(np.int64) + 1, last)]
 
     def _upload(self, records: NDArray[np.float32]) -> None:

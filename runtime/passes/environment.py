@@ -1,4 +1,4 @@
-"""Environment maps for lighting. Draws nothing: sprites take their coefficients, the ground its ambient.
+"""Environment maps for lighting: coefficients of the sprites, ambient of the ground; no draw.
 
 Reads and writes no target.
 """

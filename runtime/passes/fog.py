@@ -15,7 +15,9 @@ import numpy as np
 from runtime.shader import SCREEN, set_uniforms
 
 HERE = Path(__file__).parent
-RISE = float(np.sin(np.radians(3.0)))  # elevation at which a uniform fog lets 1 - 1/e of the sky through
+RISE = float(
+    np.sin(np.radians(3.0))
+)  # elevation at which a uniform fog lets 1 - 1/e of the sky through
 
 
 class Pass:
@@ -27,9 +29,7 @@ class Pass:
     def __init__(self, player: Any) -> None:
         self._player = player
         self._fog = player.scene.picture.fog
-        self._array = player.vertex_array(
-            player.programs.get(SCREEN, HERE / "fog.frag")
-        )
+        self._array = player.vertex_array(player.programs.get(SCREEN, HERE / "fog.frag"))
 
     def uniforms(self, time: float) -> dict[str, Any]:
         """The fog of `time` seconds, as the sprites' shader calls it."""

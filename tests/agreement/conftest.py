@@ -24,10 +24,10 @@ def context():
 
 @pytest.fixture
 def glsl(context, tmp_path):
-    """Return evaluate(library, expression, inputs, components=1, defines={}) -> (n,) or (n, c) float32.
+    """Return evaluate(libraries, expression, inputs, components, defines) -> (n,) or (n, c).
 
-    inputs : name -> (n,) or (n, c) floats, or (n,) unsigned integers; `expression` uses those names. The
-    function runs once a vertex, and transform feedback brings its value back.
+    inputs : name -> (n,) or (n, c) floats, or (n,) unsigned integers; `expression` uses those
+    names. The function runs once a vertex, and transform feedback brings its value back.
     """
     assert context.error == "GL_NO_ERROR"
 
@@ -50,9 +50,7 @@ def glsl(context, tmp_path):
         )
         path = tmp_path / f"f{abs(hash(text))}.vert"
         path.write_text(text)
-        program = context.program(
-            vertex_shader=compose(path, defines).text, varyings=["value"]
-        )
+        program = context.program(vertex_shader=compose(path, defines).text, varyings=["value"])
         n = len(next(iter(arrays.values())))
         result = context.buffer(reserve=4 * components * n)
         array = context.vertex_array(program, [c for c in content if c[2] in program])

@@ -1,8 +1,8 @@
 """Every function of runtime/glsl against its numpy twin, or a slow and obvious version of it.
 
 Tolerances: EXACT where both sides do the same integer arithmetic; ROUNDING for chains of float32
-operations with exact sums and products; CURVES where exp, log2 and pow come in, which GLSL lets a driver
-approximate (llvmpipe: up to 1e-5 relative in pow).
+operations with exact sums and products; CURVES where exp, log2 and pow come in, which GLSL lets a
+driver approximate (llvmpipe: up to 1e-5 relative in pow).
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def test_value_noise(glsl, rng, dimensions):
 def test_fbm(glsl, rng, dimensions):
     p = rng.uniform(-5, 5, (2048, dimensions)).astype(np.float32)
     found = glsl(["hashing", "noise"], "fbm(p, 4, 3u)", {"p": p})
-    # The turns of the octaves round differently: 8 octave units of 2^-23 |p| times slope 2 of the noise
+    # The turns round differently: 8 octave units of 2^-23 |p| times slope 2 of the noise
     close(found, noise.fbm(p, 4, 3), {"rtol": 0, "atol": 3e-5})
 
 
@@ -104,7 +104,11 @@ def test_optics(glsl, rng):
     close(found, optics.texels(coc, d, f, size), ROUNDING)
     wide = (10 ** rng.uniform(-3, 4, n)).astype(np.float32)
     close(glsl("optics", "lod(w, 0.7, 6.5)", {"w": wide}), optics.lod(wide, 0.7, 6.5), CURVES)
-    close(glsl("optics", "pixels(c, 720.0, 0.024)", {"c": coc}), optics.pixels(coc, 720, 0.024), ROUNDING)
+    close(
+        glsl("optics", "pixels(c, 720.0, 0.024)", {"c": coc}),
+        optics.pixels(coc, 720, 0.024),
+        ROUNDING,
+    )
 
 
 # fog: the obvious version adds up many short steps
@@ -138,7 +142,11 @@ def test_fog_sky_drowns_the_horizon_only(glsl):
     close(found, 1 - np.exp(-np.maximum(sine, 1e-4) / 0.05), {"rtol": 1e-4, "atol": 1e-6})
     # A layered fog has a finite depth straight through it: the segment to very far away
     up = sine > 0.02
-    far = np.stack([np.sqrt(1 - sine[up] ** 2), sine[up], 0 * sine[up]], axis=1) * 200 / sine[up, None]
+    far = (
+        np.stack([np.sqrt(1 - sine[up] ** 2), sine[up], 0 * sine[up]], axis=1)
+        * 200
+        / sine[up, None]
+    )
     found = glsl("fog", "fog_sky(o, s, 0.05, 0.4, 0.0, 0.05)", {"o": origin[up], "s": sine[up]})
     expected = np.exp(-fog_depth_slow(0 * far, far, 0.05, 0.4, 0.0, 40000))
     close(found, expected, {"rtol": 1e-3, "atol": 1e-6})
@@ -224,13 +232,19 @@ def test_shadow_geometry(glsl, rng):
     along, beside, across = rng.uniform(-3, 3, (3, 512)).astype(np.float32)
     inputs = {"a": along, "b": beside, "c": across}
     found = glsl("shadow", "shadow_lookup(a, b, c, 0.7)", inputs, 2)
-    expected = np.stack([np.where(beside < 0, -1, 1) * np.hypot(beside, across), (along - across) * 0.7], 1)
+    expected = np.stack(
+        [np.where(beside < 0, -1, 1) * np.hypot(beside, across), (along - across) * 0.7], 1
+    )
     close(found, expected, ROUNDING)
     # A sun of angular radius r blurs by 2 r times the length of the ray
     height = np.abs(along)
     tangent = np.abs(beside) + np.float32(0.1)
     found = glsl("shadow", "penumbra(h, t, 0.01)", {"h": height, "t": tangent})
-    close(found, 0.02 * height / np.sin(np.arctan(tangent.astype(float))), {"rtol": 2e-5, "atol": 1e-7})
+    close(
+        found,
+        0.02 * height / np.sin(np.arctan(tangent.astype(float))),
+        {"rtol": 2e-5, "atol": 1e-7},
+    )
 
 
 def test_contact_is_dark_at_the_foot_and_gone_far_away(glsl):
@@ -265,7 +279,9 @@ def test_unpacking_is_that_of_the_twin(glsl, rng, terms, unpacking):
     stack = f"vec4[{count}]({', '.join(attributes)})"
     lights = f"vec3[{terms}]({vectors})"
     tint = "vec3(0.5, 1.0, 2.0)"
-    found = glsl("circular_harmonics", f"relight({stack}, {lights}, {tint})", attributes, 4, defines)
+    found = glsl(
+        "circular_harmonics", f"relight({stack}, {lights}, {tint})", attributes, 4, defines
+    )
     if unpacking == "talk" and terms == 5:
         twin = sprite_packing.unpack_talk(planes, light, [0.5, 1, 2, 1])
     else:

@@ -47,10 +47,15 @@ def lambert_terms(normals, albedo, ring):
     series = [2 * (A * u + B * np.sin(u))]
     for k in h[1:]:
         shifted = u if k == 1 else np.sin((k - 1) * u) / (k - 1)
-        series.append(2 * (A * np.sin(k * u) / k + B / 2 * (shifted + np.sin((k + 1) * u) / (k + 1))))
+        series.append(
+            2 * (A * np.sin(k * u) / k + B / 2 * (shifted + np.sin((k + 1) * u) / (k + 1)))
+        )
     Y = [series[0] / np.sqrt(2 * np.pi)]
     for k in h[1:]:
-        Y += [series[k] * np.sin(k * t0) / np.sqrt(np.pi), series[k] * np.cos(k * t0) / np.sqrt(np.pi)]
+        Y += [
+            series[k] * np.sin(k * t0) / np.sqrt(np.pi),
+            series[k] * np.cos(k * t0) / np.sqrt(np.pi),
+        ]
     return np.stack(Y)[..., None] * albedo / np.pi
 
 
@@ -65,9 +70,16 @@ def halve(image):
 
 
 def sphere_asset(
-    *, terms=5, packing="twelve", unpack="chroma", size=64, views=1, half=False, colour=(0.8, 0.5, 0.3)
+    *,
+    terms=5,
+    packing="twelve",
+    unpack="chroma",
+    size=64,
+    views=1,
+    half=False,
+    colour=(0.8, 0.5, 0.3),
 ):
-    """A matt ball one metre high that stands on its pivot, a patterned albedo, a border of an eighth."""
+    """A matt ball one metre high on its pivot, with a pattern and a border of an eighth."""
     ring = Ring(axis="view", elevation=np.pi / 6, terms=terms, one_sided=True, lights=64)
     centre = (np.arange(size) + 0.5 - size / 2) / (3 / 8 * size)
     x, y = np.meshgrid(centre, -centre)
@@ -85,7 +97,9 @@ def sphere_asset(
     levels, level = [], planes
     while True:
         if half:
-            unit = np.divide(level, scales[:, None, None], where=scales[:, None, None] > 0, out=level * 0)
+            unit = np.divide(
+                level, scales[:, None, None], where=scales[:, None, None] > 0, out=level * 0
+            )
             codes = unit.astype(np.float16)
         else:
             codes = np.stack([sprite_packing.encode(view, scales)[0] for view in level])
@@ -182,7 +196,7 @@ SUN, IRRADIANCE = (0.5, 0.6, 0.7), (3.0, 3.0, 3.0)
 def texel_to_pixel(asset, **parts):
     """A scene that shows the one ball with a pixel a texel, for pictures as large as the asset."""
     size = asset.size[0]
-    # A pixel covers sensor / size of the sensor, and distance / focal length times that in the world
+    # A pixel covers sensor / size of the sensor, distance / focal length times that beyond
     distance = asset.metres_per_texel * size * 50 / 24
     height = (asset.pivot[1] - size / 2) * asset.metres_per_texel
     camera = {

@@ -29,7 +29,9 @@ def test_a_machine_without_opengl_is_told_what_to_install(monkeypatch):
         raise OSError("libEGL.so.1 not loaded")
 
     monkeypatch.setattr(capture, "_headless", refuse)
-    with pytest.raises(MachineError, match=r"apt-get install libegl1 libgl1 libgl1-mesa-dri") as caught:
+    with pytest.raises(
+        MachineError, match=r"apt-get install libegl1 libgl1 libgl1-mesa-dri"
+    ) as caught:
         capture.make_context()
     assert caught.value.exit_code == 3
     assert "libEGL.so.1 not loaded" in str(caught.value)

@@ -16,7 +16,10 @@ UP = Ring(axis="up", elevation=0.3, terms=7, one_sided=False)
 
 def suns_of(*directions):
     return lighting.Lights(
-        tuple(lighting.SunState(transforms.normalise(d), np.array([1.0, 2, 3]), 0.0) for d in directions),
+        tuple(
+            lighting.SunState(transforms.normalise(d), np.array([1.0, 2, 3]), 0.0)
+            for d in directions
+        ),
         (),
         (),
     )
@@ -63,7 +66,9 @@ def test_a_map_seen_from_any_yaw_is_projected_as_if_afresh(ring, rng):
             radiance, ring.terms, axis=ring.axis, elevation=ring.elevation, yaw=yaw - rotate
         )
         # 32 texels a row: the ring's own harmonics are exact, off it the gain's kink is not
-        np.testing.assert_allclose(rows[0], expected * state.factor, atol=2e-3 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            rows[0], expected * state.factor, atol=2e-3 * np.abs(expected).max()
+        )
 
 
 def test_shrinking_a_map_keeps_its_light(rng):
@@ -80,7 +85,9 @@ def test_shrinking_a_map_keeps_its_light(rng):
 
 
 def test_irradiance_of_an_even_sky_is_pi():
-    np.testing.assert_allclose(lighting.irradiance_from_above(np.ones((7, 3, 3))), np.pi, rtol=1e-12)
+    np.testing.assert_allclose(
+        lighting.irradiance_from_above(np.ones((7, 3, 3))), np.pi, rtol=1e-12
+    )
     upper = np.zeros((8, 4, 3))
     upper[:4] = 2.0
     np.testing.assert_allclose(lighting.irradiance_from_above(upper), 2 * np.pi, rtol=1e-12)
@@ -101,7 +108,9 @@ def test_half_a_radius_up_a_segment_is_missing():
 
 
 def test_the_first_sun_turns_for_a_viewer(kit):
-    raw = kit.scene_dict(lights=[{"type": "sun", "to_light": [0, 0, 2], "irradiance": [1, 1, 1]}] * 2)
+    raw = kit.scene_dict(
+        lights=[{"type": "sun", "to_light": [0, 0, 2], "irradiance": [1, 1, 1]}] * 2
+    )
     scene = scenes.from_dict(raw, where="s.toml", root=None)
     lights = lighting.at(scene, 0.0, (np.pi / 2, np.pi / 6))
     expected = [np.cos(np.pi / 6), 0.5, 0]

@@ -46,14 +46,18 @@ def test_a_flag_that_no_line_mentions_is_an_error(shader):
         compose(path, {"LENS": 1})
 
 
-@pytest.mark.parametrize("condition", ["#if LENS", "#if 0\n#elif LENS > 1", "# if defined(GL_ES) && LENS"])
+@pytest.mark.parametrize(
+    "condition", ["#if LENS", "#if 0\n#elif LENS > 1", "# if defined(GL_ES) && LENS"]
+)
 def test_a_flag_that_is_tested_but_not_given_is_an_error(shader, condition):
     with pytest.raises(ShaderError, match="flag LENS is tested but not given"):
         compose(shader("a.frag", f"{condition}\n#endif\nvoid main() {{}}\n"))
 
 
 def test_a_flag_defined_by_the_text_itself_is_known(shader):
-    assert "#if SIZE > 2" in compose(shader("a.frag", "#define SIZE 3\n#if SIZE > 2\n#endif\n")).text
+    assert (
+        "#if SIZE > 2" in compose(shader("a.frag", "#define SIZE 3\n#if SIZE > 2\n#endif\n")).text
+    )
 
 
 def test_the_same_text_is_composed_once(shader):
@@ -87,7 +91,9 @@ def test_lines_after_an_include_keep_their_numbers(ctx, shader):
 @pytest.mark.gpu
 def test_programs_are_linked_once_per_text(ctx, shader):
     vertex = shader("v.vert", "void main() { gl_Position = vec4(0.0); }\n")
-    fragment = shader("f.frag", "uniform vec3 u[2];\nout vec4 c;\nvoid main() { c = vec4(u[N], 1.0); }\n")
+    fragment = shader(
+        "f.frag", "uniform vec3 u[2];\nout vec4 c;\nvoid main() { c = vec4(u[N], 1.0); }\n"
+    )
     programs = Programs(ctx)
     first = programs.get(vertex, fragment, {"N": 1}, {})
     assert programs.get(vertex, fragment, {"N": 1}, {}) is first

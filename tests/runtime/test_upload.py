@@ -12,7 +12,7 @@ pytestmark = pytest.mark.gpu
 
 
 def levels_of(rng, size, layers, dtype):
-    """Random levels from (width, height) down to one texel, each different from a driver's own mips."""
+    """Random levels from (width, height) to one texel, unlike any mips of a driver's own."""
     w, h = size
     count = max(w, h).bit_length()
     shapes = [(layers, max(1, h >> n), max(1, w >> n), 4) for n in range(count)]

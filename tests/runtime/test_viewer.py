@@ -72,14 +72,20 @@ def test_pan_moves_what_is_under_the_cursor_with_it(viewer, button, shift):
     # A whole picture height at the target's distance
     metres = np.linalg.norm(before.position - before.target) * 0.024 / 0.05
     np.testing.assert_allclose(after.target, before.target - metres * before.right, atol=1e-12)
-    np.testing.assert_allclose(after.position - after.target, before.position - before.target, atol=1e-12)
+    np.testing.assert_allclose(
+        after.position - after.target, before.position - before.target, atol=1e-12
+    )
 
 
 def test_the_wheel_never_goes_through_the_target(viewer):
     viewer.wheel(500.0)
-    assert np.linalg.norm(viewer.camera.position - viewer.camera.target) == pytest.approx(orbit.NEAREST)
+    assert np.linalg.norm(viewer.camera.position - viewer.camera.target) == pytest.approx(
+        orbit.NEAREST
+    )
     viewer.wheel(-2000.0)
-    assert np.linalg.norm(viewer.camera.position - viewer.camera.target) == pytest.approx(orbit.FARTHEST)
+    assert np.linalg.norm(viewer.camera.position - viewer.camera.target) == pytest.approx(
+        orbit.FARTHEST
+    )
 
 
 def test_orbit_stops_short_of_the_pole():
@@ -130,7 +136,9 @@ def test_focus_finds_the_ball_in_the_middle(viewer):
 
 
 def test_focus_falls_to_the_ground_beside_the_ball(viewer):
-    viewer.camera = Camera(np.array([3.0, 1, 4]), np.array([3.0, 0, 0]), f_number=1.4, focus_distance=2.0)
+    viewer.camera = Camera(
+        np.array([3.0, 1, 4]), np.array([3.0, 0, 0]), f_number=1.4, focus_distance=2.0
+    )
     viewer.key("f")
     assert viewer.camera.focus_distance == pytest.approx(np.hypot(4, 1))
 
@@ -152,14 +160,18 @@ def test_screenshots_are_the_frame_and_never_overwrite(viewer):
 
 def test_help_names_every_key(viewer):
     viewer.key("h")
-    assert all(word in viewer.said[0] for word in ("orbit", "pan", "dolly", "L", "[", "F", "R", "P", "Esc"))
+    assert all(
+        word in viewer.said[0] for word in ("orbit", "pan", "dolly", "L", "[", "F", "R", "P", "Esc")
+    )
 
 
 def test_a_machine_without_a_display_gets_one_line(scene_folder):
     pytest.importorskip("glfw")
     code = f"from runtime.viewer import view; view({str(scene_folder)!r})"
     quiet = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, env=quiet, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, env=quiet, capture_output=True, text=True
+    )
     assert MachineError.__name__ in done.stderr
     assert "bakelight render" in done.stderr.splitlines()[-1]
 
@@ -207,7 +219,9 @@ def test_a_window_shows_the_headless_frame_and_obeys_keys_and_mouse(
     env = {k: v for k, v in os.environ.items() if k != "WAYLAND_DISPLAY"} | {"DISPLAY": display}
     log = tmp_path / "log"
     with log.open("w") as out:
-        window = subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, env=env, stdout=out, stderr=out)
+        window = subprocess.Popen(
+            [sys.executable, "-c", code], cwd=ROOT, env=env, stdout=out, stderr=out
+        )
 
     def hand(*words):
         subprocess.run(["xdotool", *words], env=env, check=True, capture_output=True)

@@ -1,4 +1,4 @@
-"""A sprite drawn texel to pixel against the numpy twin that decodes, unpacks and lights its codes."""
+"""Sprites drawn texel to pixel against the numpy twin, and how they stand in the scene."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ HALF = 2.0**-11  # relative rounding of the RGBA16F target
 def relit(asset, light_direction, irradiance, view=0):
     """Slow truth: decode view `view`, unpack every term, sum over terms, clamp: (h, w, 4)."""
     P = asset.planes
-    planes = sprite_packing.decode(asset.levels[0][view * P : view * P + P], asset.scales).astype(float)
+    planes = sprite_packing.decode(asset.levels[0][view * P : view * P + P], asset.scales).astype(
+        float
+    )
     L = circular_harmonics.project_sun(
         light_direction,
         irradiance,
@@ -55,7 +57,6 @@ def test_the_shader_shows_what_the_twin_computes(
     assert expected[..., :3].max() > 0.3
 
 
-
 @pytest.fixture
 def shown(write_scene, ctx):
     """Return shown(raw, assets, size, time=0, camera=None) -> linear (h, w, 3)."""
@@ -71,7 +72,13 @@ def shown(write_scene, ctx):
 
 
 def ball_set(name, positions, **extra):
-    return {"name": name, "source": "meshes/ball.glb", "height": 1.0, "positions": positions, **extra}
+    return {
+        "name": name,
+        "source": "meshes/ball.glb",
+        "height": 1.0,
+        "positions": positions,
+        **extra,
+    }
 
 
 def test_a_flipped_sprite_is_the_mirror_image_under_the_mirrored_light(kit, shown):
@@ -140,7 +147,10 @@ def test_tint_multiplies_each_channel(kit, shown):
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
 def test_near_sprites_cover_far_ones_whatever_their_order(kit, shown, order):
-    assets = {"red": kit.sphere_asset(colour=(0.9, 0.0, 0.0)), "blue": kit.sphere_asset(colour=(0, 0, 0.9))}
+    assets = {
+        "red": kit.sphere_asset(colour=(0.9, 0.0, 0.0)),
+        "blue": kit.sphere_asset(colour=(0, 0, 0.9)),
+    }
     sets = [ball_set("red", [[0, 0, 0]]), ball_set("blue", [[0, 0, -3]])]
     raw = kit.scene_dict(billboards=[sets[i] for i in order])
     middle = shown(raw, assets, size=(65, 65))[32, 32]
@@ -200,12 +210,16 @@ def test_each_sprite_has_its_own_light_from_a_near_ball(kit, shown):
     left, right = picture[:64], picture[64:]
     # Both are lit on the side that faces the middle
     assert np.average(np.arange(64), weights=left) > np.average(np.arange(64), weights=left > 0) + 1
-    assert np.average(np.arange(64), weights=right) < np.average(np.arange(64), weights=right > 0) - 1
+    assert (
+        np.average(np.arange(64), weights=right) < np.average(np.arange(64), weights=right > 0) - 1
+    )
 
 
 def test_radiance_is_clamped_after_the_sum(kit, shown):
     asset = kit.sphere_asset()
-    raw = kit.texel_to_pixel(asset, lights=[{"type": "sun", "to_light": [1, 0, 0.01], "irradiance": [9] * 3}])
+    raw = kit.texel_to_pixel(
+        asset, lights=[{"type": "sun", "to_light": [1, 0, 0.01], "irradiance": [9] * 3}]
+    )
     expected = relit(asset, transforms.normalise([1, 0, 0.01]), [9] * 3)[..., :3]
     found = shown(raw, {"ball": asset})
     assert found.min() == 0

@@ -90,7 +90,8 @@ def test_crossing_a_level_changes_next_to_nothing(kit, shown):
     distance = asset.metres_per_texel * SIZE * 50 / 24
     number = lens_for(4 / asset.lens_scale, asset, distance, focus=0.8)
     below, above = (
-        shown(asset, {"f_number": number * (1 + s * 0.5e-4), "focus_distance": 0.8}) for s in (1, -1)
+        shown(asset, {"f_number": number * (1 + s * 0.5e-4), "focus_distance": 0.8})
+        for s in (1, -1)
     )
     assert np.abs(below - above).max() < 1 / 255
 

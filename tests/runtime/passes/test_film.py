@@ -18,7 +18,9 @@ def develop(linear, film, frame_number):
     """Slow truth of film.frag on linear radiance (h, w, 3), row 0 on top: uint8."""
     h, w, _ = linear.shape
     y, x = np.mgrid[0:h, 0:w]
-    off = (np.stack([x + 0.5, y + 0.5], axis=-1) * 2 / [w, h] - 1) * np.array([w, h]) / np.hypot(w, h)
+    off = (
+        (np.stack([x + 0.5, y + 0.5], axis=-1) * 2 / [w, h] - 1) * np.array([w, h]) / np.hypot(w, h)
+    )
     cosine2 = 1 / (1 + np.sum(off**2, axis=-1, keepdims=True))
     vignette = film.get("vignette", 0.0)
     radiance = linear * 2 ** film.get("exposure", 0.0) * (1 + (cosine2**2 - 1) * vignette)
@@ -28,11 +30,19 @@ def develop(linear, film, frame_number):
 
 
 @pytest.mark.parametrize(
-    "film", [{"tonemap": "linear"}, {"tonemap": "filmic", "exposure": -1.5}, {"vignette": 0.7, "exposure": 1.0}]
+    "film",
+    [
+        {"tonemap": "linear"},
+        {"tonemap": "filmic", "exposure": -1.5},
+        {"vignette": 0.7, "exposure": 1.0},
+    ],
 )
 def test_the_film_is_its_twin(kit, write_scene, ctx, film):
     raw = kit.scene_dict(
-        billboards=None, camera=CAMERA, picture={"sky": SKY, "film": film}, time={"frame_rate": 10.0}
+        billboards=None,
+        camera=CAMERA,
+        picture={"sky": SKY, "film": film},
+        time={"frame_rate": 10.0},
     )
     with Player(write_scene(raw, {}), size=SIZE, context=ctx) as player:
         picture = player.frame(0.7)
@@ -46,7 +56,10 @@ def test_the_film_is_its_twin(kit, write_scene, ctx, film):
 
 def test_the_dither_moves_with_the_frame_and_not_with_the_run(kit, write_scene, ctx):
     raw = kit.scene_dict(
-        billboards=None, camera=CAMERA, picture={"sky": SKY}, time={"duration": 2.0, "frame_rate": 10.0}
+        billboards=None,
+        camera=CAMERA,
+        picture={"sky": SKY},
+        time={"duration": 2.0, "frame_rate": 10.0},
     )
     with Player(write_scene(raw, {}), size=SIZE, context=ctx) as player:
         first, next_one, again = player.frame(0.0), player.frame(0.1), player.frame(0.0)

@@ -18,7 +18,9 @@ def shown(write_scene, ctx):
     count = iter(range(100))
 
     def show(raw, assets=(), size=(65, 65)):
-        with Player(write_scene(raw, dict(assets), name=f"s{next(count)}"), size=size, context=ctx) as p:
+        with Player(
+            write_scene(raw, dict(assets), name=f"s{next(count)}"), size=size, context=ctx
+        ) as p:
             return p.linear(0.0)[..., :3]
 
     return show
@@ -60,13 +62,17 @@ def test_the_sky_drowns_at_the_horizon_only(kit, shown):
     picture = {"sky": SKY, "fog": FOG}
     camera = {"position": [0, 1, 0], "target": [0, 1, -5], "focal_length_mm": 24}
     column = shown(kit.scene_dict(billboards=None, camera=camera, picture=picture))[:, 32]
-    np.testing.assert_allclose(column[34], FOG["radiance"], rtol=0.002)
+    # At most 1e-4 / sin(3 degrees) of the sky is left, and a half float's rounding
+    np.testing.assert_allclose(column[34], FOG["radiance"], rtol=0.004)
     np.testing.assert_allclose(column[0], SKY["zenith"], rtol=0.01)
 
 
 def test_ground_and_sky_meet_without_a_seam(kit, shown):
     picture = {"sky": SKY, "fog": FOG}
     camera = {"position": [0, 1, 0], "target": [0, 1, -5], "focal_length_mm": 24}
-    raw = kit.scene_dict(billboards=None, ground={"albedo": [0, 0, 0]}, camera=camera, picture=picture)
+    raw = kit.scene_dict(
+        billboards=None, ground={"albedo": [0, 0, 0]}, camera=camera, picture=picture
+    )
     column = shown(raw, size=(9, 1024))[:, 4]
-    assert np.abs(np.diff(column, axis=0)).max() < 0.01
+    # The sky clears by 1 / sin(3 degrees) a radian, a row is a milliradian; a seam would jump
+    assert np.abs(np.diff(column, axis=0)).max() < 0.8 / np.sin(np.radians(3)) / 1024 * 1.05

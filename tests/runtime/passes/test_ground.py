@@ -106,7 +106,9 @@ def test_a_shadow_of_a_ball_is_the_ellipse_of_a_ball(kit, shown):
 
 def test_at_noon_the_shadow_is_a_disc_under_the_ball(kit, shown):
     raw = shadow_scene(kit, [0, 1, 0])
-    picture = shown(raw, {"ball": kit.sphere_asset(size=128)}, size=(257, 257), environment=EVEN)[..., 0]
+    picture = shown(raw, {"ball": kit.sphere_asset(size=128)}, size=(257, 257), environment=EVEN)[
+        ..., 0
+    ]
     dark = picture < 0.5 * picture[128, 10]
     assert np.sqrt(dark.sum() / np.pi) / (257 / 6) == pytest.approx(0.5, rel=1 / 8)
 
@@ -115,14 +117,16 @@ def test_a_wide_sun_softens_the_far_end_of_the_shadow(kit, shown):
     def edge(diameter):
         raw = shadow_scene(kit, [1, 0.5, 0])
         raw["lights"][0]["angular_diameter"] = diameter
-        row = shown(raw, {"ball": kit.sphere_asset(size=128)}, size=(257, 257), environment=EVEN)[128]
+        row = shown(raw, {"ball": kit.sphere_asset(size=128)}, size=(257, 257), environment=EVEN)[
+            128
+        ]
         # From the open ground to the middle of the shadow, 1 m from the foot
         tip = row[10:85, 0] / row[10, 0]
         share = (tip - tip[-1]) / (1 - tip[-1])
         return np.count_nonzero((share > 0.1) & (share < 0.9))
 
-    # Light from the top travels 1 / sin(26.6 degrees) = 2.2 m: 12 degrees blur over .47 m = 20 pixels
-    # across the ray, twice that along the ground; the blur of the real sun is under two
+    # Light from the top travels 1 / sin(26.6 degrees) = 2.2 m: 12 degrees blur over .47 m, 20
+    # pixels across the ray and twice that along the ground; the real sun's blur is under two
     assert edge(0.53) < 12
     assert 20 < edge(12.0) < 60
 

@@ -1,0 +1,271 @@
+"""The player: what a plan leaves out costs nothing; same time, same bytes; typed refusals."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from formats import seal
+from formats.errors import DamagedError, InputError
+from runtime.player import Player
+from runtime.shader import Programs, compose
+
+pytestmark = pytest.mark.gpu
+ROOT = Path(__file__).resolve().parents[2]
+EVEN = np.ones((8, 16, 3), np.float32)
+FULL = {
+    "ground": {"albedo": [0.2, 0.2, 0.2]},
+    "picture": {
+        "sky": {"zenith": [0.1, 0.2, 0.4], "horizon": [0.9, 0.6, 0.4], "glow": [1, 1, 1]},
+        "fog": {"extinction": 0.01, "radiance": [0.5, 0.5, 0.5]},
+    },
+}
+LENS = {"f_number": 1.4, "focus_distance": 4.0}
+MAP = {"type": "environment", "source": "environments/e.hdr"}
+
+
+def full_scene(kit, **without):
+    """Every effect at once, but for those named."""
+    raw = kit.scene_dict(**{k: v for k, v in FULL.items() if k not in without})
+    raw["camera"]["lens"] = LENS
+    raw["lights"].append(MAP)
+    return raw
+
+
+# code run in a process of its own: modules of passes, counts, hash of the frame
+PROBE = """
+import hashlib, json, sys
+from runtime.player import Player
+with Player(sys.argv[1], size=(96, 54)) as player:
+    picture = player.frame(0.5)
+    profile = player.profile
+    names = [m for m in sys.modules if m.startswith("runtime.passes.")]
+    print(json.dumps({
+        "modules": sorted(n.rpartition(".")[2] for n in names),
+        "programs": profile["programs"],
+        "textures": profile["textures"],
+        "bytes": profile["bytes"],
+        "passes": profile["passes"],
+        "hash": hashlib.sha256(picture.tobytes()).hexdigest(),
+        "heavy": sorted(
+            {m.partition(".")[0] for m in sys.modules}
+            & {"scipy", "embreex", "trimesh", "sklearn", "skimage", "OpenEXR", "PIL", "bake"}
+        ),
+    }))
+"""
+
+
+def probe(folder):
+    """Play a scene in a fresh process."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROBE, str(folder)],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def test_a_scene_without_effects_imports_compiles_and_allocates_none_of_them(kit, write_scene):
+    assets = {"ball": kit.sphere_asset(size=16)}
+    bare = probe(write_scene(kit.scene_dict(), assets, name="bare"))
+    full = probe(write_scene(full_scene(kit), assets, environment=EVEN, name="full"))
+    assert bare["modules"] == bare["passes"] == ["billboard", "film"]
+    assert sorted(full["passes"]) == full["modules"]
+    added = {"environment", "ground", "sky", "fog", "depth_of_field"}
+    assert set(full["modules"]) - set(bare["modules"]) == added
+    # ground: plane, shadow, contact; sky; fog. Lens and map compile into programs that exist
+    assert full["programs"] - bare["programs"] == 5
+    # ground: its target of shadows. Nothing else needs a texture of its own
+    assert full["textures"] - bare["textures"] == 1
+    assert full["bytes"] - bare["bytes"] == 96 * 54 * 8
+    assert full["heavy"] == bare["heavy"] == []
+
+
+@pytest.mark.parametrize(
+    ("effect", "programs", "textures"),
+    [
+        ("environment", 0, 0),
+        ("fog", 1, 0),
+        ("sky", 1, 0),
+        ("depth_of_field", 0, 0),
+        ("ground", 3, 1),
+    ],
+)
+def test_leaving_one_effect_out_saves_exactly_its_own(
+    kit, write_scene, ctx, monkeypatch, effect, programs, textures
+):
+    assets, raw = {"ball": kit.sphere_asset(size=16)}, full_scene(kit)
+    called = kit.called_for(raw)
+    profiles = []
+    for name, wanted in (("all", called), ("less", tuple(e for e in called if e != effect))):
+        folder = write_scene(raw, assets, environment=EVEN, called=wanted, name=name)
+        with Player(folder, size=(32, 18), context=ctx) as player:
+            player.frame(0.0)
+            profiles.append(player.profile)
+    full, less = profiles
+    assert effect not in less["passes"]
+    assert effect not in less["milliseconds"]
+    assert full["programs"] - less["programs"] == programs
+    assert full["textures"] - less["textures"] == textures
+
+
+def test_the_same_time_gives_the_same_bytes_in_every_process(kit, write_scene, ctx):
+    assets = {"ball": kit.sphere_asset(size=32)}
+    raw = full_scene(kit)
+    raw["billboards"] = [
+        {
+            "name": "ball",
+            "source": "meshes/b.glb",
+            "height": 0.4,
+            "scatter": {"count": 200, "seed": 3, "box": [[-3, 0, -6], [3, 0, 2]], "tint": 0.3},
+        }
+    ]
+    folder = write_scene(raw, assets, environment=EVEN)
+    with Player(folder, size=(96, 54), context=ctx) as player:
+        player.frame(3.0)
+        here = hashlib.sha256(player.frame(0.5).tobytes()).hexdigest()
+    assert probe(folder)["hash"] == here == probe(folder)["hash"]
+
+
+def test_frame_and_linear_have_their_shapes_and_row_0_on_top(kit, write_scene, ctx):
+    raw = kit.scene_dict(billboards=None, ground={"albedo": [1, 1, 1]})
+    with Player(write_scene(raw, {}), size=(20, 10), context=ctx) as player:
+        linear, picture = player.linear(0.0), player.frame(0.0)
+    assert (linear.shape, linear.dtype) == ((10, 20, 4), np.float32)
+    assert (picture.shape, picture.dtype) == ((10, 20, 4), np.uint8)
+    assert picture[-1, :, 0].min() > picture[0, :, 0].max()
+    assert picture.flags.c_contiguous
+    assert picture.flags.writeable
+
+
+def test_closing_frees_every_texture(kit, write_scene, ctx):
+    folder = write_scene(full_scene(kit), {"ball": kit.sphere_asset(size=16)}, environment=EVEN)
+    player = Player(folder, size=(16, 9), context=ctx)
+    player.frame(0.0)
+    assert player.targets.texture_count > 3
+    player.close()
+    assert player.targets.texture_count == 0
+
+
+def test_a_resized_player_draws_at_the_new_size(kit, write_scene, ctx):
+    folder = write_scene(full_scene(kit), {"ball": kit.sphere_asset(size=16)}, environment=EVEN)
+    with Player(folder, size=(16, 9), context=ctx) as player:
+        player.frame(0.0)
+        player.targets.resize((40, 30))
+        resized = player.frame(0.0)
+    with Player(folder, size=(40, 30), context=ctx) as player:
+        np.testing.assert_array_equal(player.frame(0.0), resized)
+
+
+def test_a_set_without_instances_is_no_trouble(kit, write_scene, ctx):
+    raw = full_scene(kit)
+    raw["billboards"][0]["positions"] = []
+    folder = write_scene(raw, {"ball": kit.sphere_asset(size=16)}, environment=EVEN)
+    with Player(folder, size=(16, 9), context=ctx) as player:
+        assert player.frame(0.0)[..., :3].max() > 0
+
+
+# refusals
+
+
+def test_a_folder_that_is_no_scene_is_refused(tmp_path):
+    with pytest.raises(InputError, match="bakelight bake"):
+        Player(tmp_path)
+
+
+@pytest.mark.parametrize("size", [(0, 10), (10, -1), (10, 10**6)])
+def test_impossible_sizes_are_refused(kit, write_scene, size):
+    with pytest.raises(InputError, match="size"):
+        Player(write_scene(kit.scene_dict(billboards=None), {}), size=size)
+
+
+@pytest.mark.parametrize(
+    "name", ["manifest.json", "assets/ball/planes.ktx2", "assets/ball/report.json"]
+)
+def test_a_changed_byte_is_never_shown(kit, write_scene, ctx, name):
+    folder = write_scene(kit.scene_dict(), {"ball": kit.sphere_asset(size=16)})
+    data = bytearray((folder / name).read_bytes())
+    data[len(data) // 2] ^= 1
+    (folder / name).write_bytes(data)
+    with pytest.raises(DamagedError, match=Path(name).name):
+        Player(folder, size=(8, 8), context=ctx)
+
+
+def test_an_asset_that_the_manifest_lacks_is_named(kit, write_scene, ctx):
+    folder = write_scene(kit.scene_dict(), {})
+    with pytest.raises(DamagedError, match="billboard/ball"):
+        Player(folder, size=(8, 8), context=ctx)
+
+
+def test_a_manifest_of_another_format_is_refused(kit, write_scene, ctx):
+    folder = write_scene(kit.scene_dict(), {"ball": kit.sphere_asset(size=16)})
+    manifest = json.loads((folder / "manifest.json").read_text())
+    (folder / "manifest.json").write_text(json.dumps(manifest | {"format": 99}))
+    seal.seal(folder)
+    with pytest.raises(DamagedError, match="bake the scene again"):
+        Player(folder, size=(8, 8), context=ctx)
+
+
+# shaders
+
+
+def shader_files(kit, write_scene, ctx, monkeypatch):
+    """(file, defines) of every shader that the fullest and the barest scenes compile."""
+    used = set()
+    real = Programs.get
+
+    def get(self, vertex, fragment, defines=None, vertex_defines=None):
+        first = defines if vertex_defines is None else vertex_defines
+        used.add((vertex, tuple(sorted((first or {}).items()))))
+        used.add((fragment, tuple(sorted((defines or {}).items()))))
+        return real(self, vertex, fragment, defines, vertex_defines)
+
+    monkeypatch.setattr(Programs, "get", get)
+    scenes = {"full": full_scene(kit), "bare": kit.scene_dict()}
+    scenes["full"]["lights"].append(
+        {"type": "sphere", "position": [0, 1, 0], "radius": 0.1, "radiance": [1] * 3}
+    )
+    scenes["full"]["picture"]["film"] = {"tonemap": "linear"}
+    for terms, packing, unpack in (
+        (5, "twelve", "chroma"),
+        (9, "twelve", "talk"),
+        (11, "full", "chroma"),
+    ):
+        asset = kit.sphere_asset(size=16, terms=terms, packing=packing, unpack=unpack)
+        for name, raw in scenes.items():
+            environment = EVEN if name == "full" else None
+            folder = write_scene(
+                raw, {"ball": asset}, environment=environment, name=f"{name}{terms}"
+            )
+            Player(folder, size=(8, 8), context=ctx).close()
+    return used
+
+
+def test_every_shader_compiles_for_es_too(kit, write_scene, ctx, monkeypatch):
+    if "GL_ARB_ES3_compatibility" not in ctx.extensions:
+        pytest.skip("this driver compiles no ES 3.00 shaders in a desktop context")
+    used = shader_files(kit, write_scene, ctx, monkeypatch)
+    folder = ROOT / "runtime"
+    files = {p for p in folder.rglob("*") if p.suffix in (".vert", ".frag")}
+    assert {path for path, _ in used} == files
+    trivial = {
+        ".vert": "#version 300 es\nvoid main() { gl_Position = vec4(0.0); }\n",
+        ".frag": "#version 300 es\nout highp vec4 c;\nvoid main() { c = vec4(1.0); }\n",
+    }
+    for path, defines in used:
+        stages = dict(trivial)
+        stages[path.suffix] = compose(path, dict(defines), "es").text
+        # Inputs that the other stage does not write are a link error in ES: only compiling is asked
+        try:
+            ctx.program(vertex_shader=stages[".vert"], fragment_shader=stages[".frag"]).release()
+        except Exception as error:
+            assert "Linker failed" in str(error), f"{path.name}: {error}"  # noqa: PT017
