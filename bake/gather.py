@@ -94,37 +94,41 @@ def gather(
     squares = np.zeros(count, np.float32)
     share = np.float32(lights.turns / samples)
     matrix = lights.matrix.astype(np.float32)
-    for which, subsamples in _blocks(len(ring), lights.turns, samples):
+
+    def add_block(which: NDArray[np.int64], subsamples: NDArray[np.int64]) -> None:
+        """Project one block of lights; its buffers are gone before the next one's are made."""
         lit = _lit(scene, shading, ring, which, subsamples, count)
         seen = sum(
             np.einsum("jsp,sp->jp", v, w[subsamples]) for v, w in zip(lit, weigh, strict=True)
         )
-        squares += np.einsum("jp,jp->p", seen, seen) * share**2
+        np.add(squares, np.einsum("jp,jp->p", seen, seen) * share**2, out=squares)
         for total, values in zip(sums, lit, strict=True):
             for i, s in enumerate(subsamples):
                 total[:, s] += matrix[:, which] @ np.ascontiguousarray(values[:, i])
+
+    for which, subsamples in _blocks(len(ring), lights.turns, samples):
+        add_block(which, subsamples)
     terms = sum(np.einsum("ksp,spc->kpc", t, c) for t, c in zip(sums, colours, strict=True)) * share
     luma = luminance(terms)
     kept = np.einsum("kp,kp->p", luma, luma) / (2 * np.pi)
-    if len(sky):
-        for which, subsamples in _blocks(len(sky), 1, samples):
-            lit = _lit(scene, shading, sky, which, subsamples, count)
-            fill = sum(np.einsum("jsp,spc->pc", v, c) for v, c in zip(lit, colours, strict=True))
-            terms[0] += fill * np.float32(lights.sky_share / samples)
+    # The sky is the same under every light: the held-out renders have it too
+    fill = _fill(scene, shading, sky, colours) * np.float32(lights.sky_share / samples)
+    terms[0] += fill
     rendered = _render(scene, shading.select(chosen, samples), held, samples)
-    if len(sky):
-        # The sky is the same under every light: the held-out renders have it too
-        constant = (
-            terms[0, chosen]
-            - sum(
-                np.einsum("sp,spc->pc", t[0][:, chosen], c[:, chosen])
-                for t, c in zip(sums, colours, strict=True)
-            )
-            * share
-        )
-        rendered += constant / np.float32(np.sqrt(2 * np.pi))
+    rendered += fill[chosen] / np.float32(np.sqrt(2 * np.pi))
     mean_square = squares / np.float32(len(ring))
     return Gathered(terms, rendered, mean_square, kept.astype(np.float32))
+
+
+def _fill(scene: RayScene, shading: Shading, sky: Float, colours: list[Float]) -> Float:
+    """Return the sum (p, 3) over all directions (Q, S, 3) of the sky and all subsamples."""
+    samples, count, _ = colours[0].shape
+    fill = np.zeros((count, 3), np.float32)
+    for which, subsamples in _blocks(len(sky), 1, samples):
+        lit = _lit(scene, shading, sky, which, subsamples, count)
+        fill += sum(np.einsum("jsp,spc->pc", v, c) for v, c in zip(lit, colours, strict=True))
+        del lit
+    return fill
 
 
 def _blocks(

@@ -15,12 +15,17 @@ def ensure(path: Path, scene: Scene, root: Path | None, build_folder: Path) -> P
     """Return the folder of a baked scene, baked now if the scene's or a source's bytes changed."""
     folder = build_folder / "scenes" / scene.name
     if not is_current(folder, scene, path):
-        from pipelines import output
-        from pipelines.bake_scene import bake_scene
-
-        with output.bars() as bar:
-            bake_scene(path, root=root, build_folder=build_folder, on_progress=bar)
+        bake(path, root, build_folder)
     return folder
+
+
+def bake(path: Path, root: Path | None, build_folder: Path) -> None:
+    """Bake a scene, with progress on standard error."""
+    from pipelines import output
+    from pipelines.bake_scene import bake_scene
+
+    with output.bars() as bar:
+        bake_scene(path, root=root, build_folder=build_folder, on_progress=bar)
 
 
 def is_current(folder: Path, scene: Scene, path: Path) -> bool:

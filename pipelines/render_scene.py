@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats import scene as scenes
-from formats.errors import InputError
+from formats.errors import DamagedError, InputError
 from pipelines import current
 
 MAX_SIDE = 16384
@@ -45,10 +46,7 @@ def render_scene(
     width, height = parse_size(size)
     scene = scenes.load(path, root)
     wanted = _moments(scene, times, frames, out)
-    folder = current.ensure(path, scene, root, build_folder)
-    from runtime.player import Player
-
-    player = Player(folder, size=(width, height))
+    player = _player(path, scene, root, build_folder, (width, height))
     job = RenderJob()
     try:
         _write(player, wanted, out, scene.time.frame_rate, job)
@@ -66,6 +64,21 @@ def view_scene(path: Path, *, size: str, root: Path | None, build_folder: Path) 
     from runtime.viewer import view
 
     view(folder, size=(width, height), pictures=build_folder / "renders")
+
+
+def _player(
+    path: Path, scene: scenes.Scene, root: Path | None, build_folder: Path, size: tuple[int, int]
+) -> Any:
+    """Open the player on a baked scene; one whose bytes changed is baked anew, once."""
+    folder = current.ensure(path, scene, root, build_folder)
+    from runtime.player import Player
+
+    try:
+        return Player(folder, size=size)
+    except DamagedError as error:
+        print(f"warning: {error}; baking it again", file=sys.stderr)
+        current.bake(path, root, build_folder)
+        return Player(folder, size=size)
 
 
 def parse_size(text: str) -> tuple[int, int]:

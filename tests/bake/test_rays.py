@@ -110,9 +110,7 @@ def test_one_direction_serves_all_origins(sphere, rng):
     origins = float32(2 * small_meshes.directions(rng, 500))
     direction = float32([[0.3, -0.8, 0.5]])
     many = np.ascontiguousarray(np.repeat(direction, 500, axis=0))
-    np.testing.assert_array_equal(
-        scene.occluded(origins, direction), scene.occluded(origins, many)
-    )
+    np.testing.assert_array_equal(scene.occluded(origins, direction), scene.occluded(origins, many))
     one, all_of_them = scene.intersect(origins, direction), scene.intersect(origins, many)
     np.testing.assert_array_equal(one.face, all_of_them.face)
 

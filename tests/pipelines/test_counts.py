@@ -48,9 +48,9 @@ def plain(assets: Path, tmp_path: Path) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("part", "effect", "programs", "stages"),
     [
-        # The lens is a variant of the sprites' program, not one more
+        # A lens changes the program of the sprites; fog has one of its own besides
         ("lens", "depth_of_field", 0, []),
-        ("fog", "fog", 0, []),
+        ("fog", "fog", 1, []),
         ("environment", "environment", 0, ["bake.environment.resample"]),
     ],
 )

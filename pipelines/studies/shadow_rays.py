@@ -1,0 +1,86 @@
+"""How many lights must each subsample cast shadow rays to?
+
+Subsamples take turns with the lights (see bake/gather.py). The truth is the same sprite with 16 times the
+subsamples, each of which sees every light; what the turns alone cost is the difference from a bake with the
+same subsamples that all see every light. Both lists of lights are run: they share other divisors with 16.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bake import billboard
+from bake.gather import turns_of
+from pipelines.studies import ray_calls
+from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.light_directions import peak_of, relit_error
+from pipelines.studies.subjects import Setting, processor_seconds, traced
+
+ASKED = (4, 6, 8, 12, 16, 32, 64)
+SAMPLES = 16
+LIGHTS = (64, 96)
+DEFAULT = 8
+TRUTH = 16  # times the subsamples
+
+
+def measure(setting: Setting) -> Answer:
+    """Bake with fewer and fewer shadow rays and compare with all of them."""
+    resolution = setting.pick(48, 128)
+    rows: list[Row] = []
+    for name, mesh in setting.meshes("knot", "oak").items():
+        for lights in LIGHTS[: setting.pick(1, 2)]:
+            rows += _rows(name, lights, mesh, resolution, setting)
+    default = [r for r in rows if r["lights"] == LIGHTS[0] and r["lights_per_sample"] == DEFAULT]
+    saved = min(float(r["rays_share"]) for r in default)
+    added = max(float(r["loss_db"]) for r in default)
+    seen = max(float(r["held_out_loss_db"]) for r in default)
+    return Answer(
+        question="shadow_rays",
+        title=f"{DEFAULT} lights a subsample: {1 / saved:.1f} times fewer rays than all {LIGHTS[0]}, "
+        f"for {seen:.2f} dB of held-out PSNR",
+        truth=f"the same sprite with {TRUTH} times the subsamples, each seeing every light",
+        rows=rows,
+        panels=(
+            Panel("lights that each subsample sees", "PSNR, dB", _lines(rows, "lights_per_sample", "psnr_db"), DEFAULT),
+            Panel("rays", "PSNR, dB", _lines(rows, "rays", "psnr_db")),
+        ),
+        figures={"share_of_rays": saved, "loss_db": added, "held_out_loss_db": seen},
+    )
+
+
+def _rows(name: str, lights: int, mesh: billboard.Mesh, resolution: int, setting: Setting) -> list[Row]:
+    knobs = {"resolution": resolution, "lights": lights, "held_out": 8}
+    times = setting.pick(4, TRUTH)
+    truth = traced(mesh, **knobs, samples=SAMPLES * times, lights_per_sample=lights)
+    alone = {**knobs, "samples": SAMPLES}
+    rows: list[Row] = []
+    seen: set[int] = set()
+    for asked in (*ASKED, lights):
+        least = min(asked, lights)
+        per_sample = lights // turns_of(lights, SAMPLES, 5, least)
+        if per_sample in seen:
+            continue
+        seen.add(per_sample)
+        master, seconds = processor_seconds(traced, mesh, **alone, lights_per_sample=least)
+        error = relit_error(master.terms[0], truth.terms[0], truth.alpha[0])
+        params = billboard.Params(**{**alone, "lights_per_sample": least, "held_out": 0})
+        rows.append({
+            "subject": name, "lights": lights, "lights_per_sample": per_sample,
+            "psnr_db": float(20 * np.log10(peak_of(truth) / error)), "held_out_db": master.quality["held_out_psnr"],
+            "rays": ray_calls.cast(mesh, params).rays, "processor_seconds": seconds,
+        })  # fmt: skip
+    rows.sort(key=lambda row: int(row["lights_per_sample"]))
+    every = rows[-1]
+    for row in rows:
+        row["loss_db"] = float(every["psnr_db"]) - float(row["psnr_db"])
+        row["held_out_loss_db"] = float(every["held_out_db"]) - float(row["held_out_db"])
+        row["rays_share"] = float(row["rays"]) / float(every["rays"])
+    return rows
+
+
+def _lines(rows: list[Row], x: str, y: str) -> dict[str, list[tuple[float, float]]]:
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        points = lines.setdefault(f"{row['subject']}, {row['lights']} lights", [])
+        points.append((float(row[x]), float(row[y])))
+    return lines
