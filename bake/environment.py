@@ -79,12 +79,14 @@ def resample(
         raise InputError("environment", "width", params.width, remedy)
     if not abs(params.rotate) < 1e6:
         raise InputError("environment", "rotate", params.rotate, "give finite radians")
+    # One layout, so that sums have one order
+    exact = np.ascontiguousarray(radiance, np.float64)
     height, width = radiance.shape[:2]
     turned = _area_weights(width, params.width, params.rotate / (2 * np.pi))
     rows = _row_weights(height, params.width // 2)
-    small = np.einsum("ih,hwc,jw->ijc", rows, radiance.astype(np.float64), turned, optimize=True)
+    small = np.einsum("ih,hwc,jw->ijc", rows, exact, turned, optimize=True)
     solid, fine = latlong_solid_angles(*small.shape[:2]), latlong_solid_angles(height, width)
-    before = np.einsum("h,hwc->c", fine, radiance.astype(np.float64))
+    before = np.einsum("h,hwc->c", fine, exact)
     after = np.einsum("h,hwc->c", solid, small)
     quality = {
         "mean_radiance": [float(x) for x in before / (4 * np.pi)],

@@ -38,7 +38,7 @@ FILTERS = {
     "box": Filter(0.5, 0.72),
     "disc": Filter(0.75, 0.72),
     "gaussian": Filter(1.25, 0.72),
-    "kaiser": Filter(1.5, 0.72),
+    "kaiser": Filter(2.0, 0.46),
 }
 
 
@@ -123,9 +123,16 @@ def _placed(planes: Float, border: int, width: int, height: int) -> Float:
 
 
 def mip_chain(
-    level0: Float, count: int, filter: str, progress: workers.Progress = workers.silent
+    level0: Float,
+    count: int,
+    filter: str,
+    progress: workers.Progress = workers.silent,
+    *,
+    half_width: float | None = None,
 ) -> tuple[Float, ...]:
     """Return `count` levels of (layers, h, w, 4), whose sizes must be multiples of 2^(count - 1).
+
+    half_width : of the kernel instead of the filter's own.
 
     Level 1 is filtered from level 0; a coarser level L from the exact 2x2 averages of level L - 2,
     which the kernel, four times as wide there, does not see.
@@ -133,7 +140,7 @@ def mip_chain(
     levels, averages = [_bordered(level0.copy())], [level0]
     for level in range(1, count):
         ratio = 2 if level == 1 else 4
-        kernel = kernel_of(filter, ratio)
+        kernel = kernel_of(filter, ratio, half_width)
         levels.append(_bordered(_filtered(averages[max(0, level - 2)], kernel, ratio)))
         fine = averages[-1]
         total = fine[:, ::2, ::2] + fine[:, 1::2, ::2] + fine[:, ::2, 1::2] + fine[:, 1::2, 1::2]
@@ -167,9 +174,13 @@ def kernel_of(filter: str, ratio: int, half_width: float | None = None) -> Float
 
 
 def _kaiser(x: NDArray[np.float64], width: float) -> NDArray[np.float64]:
-    """A sinc at the coarse grid's Nyquist rate under a Kaiser window (beta 4)."""
+    """A sinc at three quarters of the coarse grid's Nyquist rate under a Kaiser window, beta 2.
+
+    The lookup adds a tent two texels wide: with the full rate or a narrower window, what is out of
+    focus shows the grid (.5 to .8 dB worse in the study `lens_by_mips`).
+    """
     inside = np.clip(1 - np.square(x / width), 0, None)
-    return np.asarray(np.sinc(x) * np.i0(4 * np.sqrt(inside)) * (np.abs(x) < width))
+    return np.asarray(np.sinc(0.75 * x) * np.i0(2 * np.sqrt(inside)) * (np.abs(x) < width))
 
 
 def _filtered(fine: Float, kernel: Float, ratio: int) -> Float:

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import materials
+from bake import interrupts, materials
 from formats.errors import InputError
 from formats.mesh import Mesh
 
@@ -82,22 +82,35 @@ def _present(path: Path, names: list[str]) -> list[Path]:
 def load(path: Path) -> Mesh:
     """Read a mesh file. InputError names the file, what is wrong with it and the remedy."""
     check_file(path)
-    import trimesh
-
+    with interrupts.held():
+        # Its imports swallow every exception, Ctrl-C too
+        import trimesh
     try:
-        scene = trimesh.load_scene(path, process=False)
-        reader = materials.Reader(linear=path.suffix.lower() in (".glb", ".gltf"))
-        parts = [_part(*item, path, reader) for item in _placed(scene)]
-    except InputError:
-        raise
+        scene = trimesh.load_scene(path, resolver=_resolver(path), process=False)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"[:160]
         remedy = "this mesh cannot be read; export it again as GLB"
         raise InputError(path, "", reason, remedy) from error
+    reader = materials.Reader(linear=path.suffix.lower() in (".glb", ".gltf"))
+    parts = [_part(*item, path, reader) for item in _placed(scene)]
     parts = [part for part in parts if len(part.faces)]
     if not parts:
         raise InputError(path, "faces", 0, "the file holds no triangles; export a mesh with faces")
     return _joined(parts, path)
+
+
+def _resolver(path: Path) -> Any:
+    """Find side files as trimesh does, in the mesh's folder only, and by percent-encoded names."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Resolver(FilePathResolver):  # type: ignore[misc, unused-ignore]
+        def get(self, name: str) -> Any:
+            try:
+                return super().get(name)
+            except FileNotFoundError:
+                return super().get(unquote(name))
+
+    return Resolver(str(path))
 
 
 def check_file(path: Path) -> None:

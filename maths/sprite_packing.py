@@ -116,7 +116,7 @@ def scales_of(planes: ArrayLike, *, outlier: float = 4.0) -> NDArray[np.float32]
         lit = magnitude[p, :, c]
         lit = lit[lit > 0]
         usual = np.quantile(lit, 0.9995) if lit.size >= 2000 else largest[p, c]
-        scales[p, c] = min(largest[p, c], outlier * usual)
+        scales[p, c] = min(float(largest[p, c]), outlier * float(usual))
     # Round up, so that the largest value does not clip
     rounded = np.minimum(scales, np.finfo(np.float32).max / 2).astype(np.float32)
     above = np.where(scales > 0, np.nextafter(rounded, np.float32(np.inf)), np.float32(0))

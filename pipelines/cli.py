@@ -142,10 +142,14 @@ def study(questions: tuple[str, ...], out: Path, quick: bool, source: Path | Non
 
 def main() -> None:
     """Run the command line; the process's exit code says what went wrong."""
-    from pipelines import single
+    try:
+        from pipelines import single
 
-    single.add_to(cli)
-    sys.exit(run(sys.argv[1:]))
+        single.add_to(cli)
+        code = run(sys.argv[1:])
+    except KeyboardInterrupt:
+        code = 130
+    sys.exit(code)
 
 
 def run(arguments: list[str]) -> int:

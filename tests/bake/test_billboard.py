@@ -106,7 +106,7 @@ def test_the_shadow_of_a_wall(diameter):
     params = replace(params, lights_per_sample=256)
     master = trace(small_meshes.joined(small_meshes.plate(), wall), params=params)
     texel = master.metres_per_texel
-    # Texels in the middle row, at .07 to .2 m from the wall, whose shadow ends before the plate
+    # Texels in the middle row, .08 to .17 m from the wall: the shadow's end is still on the plate
     row, columns = 32, np.arange(34, 38)
     x = -1 + (columns + 0.5) * texel
     tan = np.tan(params.elevation)
@@ -118,14 +118,15 @@ def test_the_shadow_of_a_wall(diameter):
         t = np.zeros(5)
         t[0] = np.sqrt(2 * np.pi)
         expected = lit * (t - shadow_arc(w, 5))
-        # Each of two edges is smeared over the texel, over the sun's disc and over one light's step
+        # Each of two edges is smeared over the texel, over one light's step, and over the disc:
+        # radius / cos e by azimuth, radius d / (h cos^2 e sin w) by height, under half of that
         smear = abs(near - far) / 2 + diameter / np.cos(params.elevation) + 2 * np.pi / 256
-        # A disc also lights a plate by its own spread: cos of its radius, under 1.2 %
+        # The disc itself lights the plate by its mean cosine, off by at most cos of its radius
         bound = 2 * smear * lit / np.sqrt(np.pi) + (1 - np.cos(diameter / 2)) * lit * 4
         found = master.terms[0, :, row, column, 0]
         np.testing.assert_allclose(found, expected, rtol=0, atol=bound)
         # The bound tells a shadow from none
-        assert np.abs(expected[2]) > 3 * bound or diameter > 0
+        assert np.abs(expected[2]) > 2 * bound
 
 
 @pytest.mark.parametrize("normal", [(0, 0, 1), (0, 1, 0.3), (0, -1, 0.3), (1, 0, 1)])
@@ -297,12 +298,12 @@ def test_memory_does_not_grow_with_the_lights(monkeypatch):
     mesh = small_meshes.sphere()
     peaks = {}
     for lights in (16, 16, 256):
-        params = replace(POINT, resolution=48, samples=16, lights=lights, lights_per_sample=lights)
+        params = replace(POINT, resolution=56, lights=lights, lights_per_sample=lights)
         tracemalloc.start()
         trace(mesh, params=params)
         peaks[lights] = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    assert peaks[16] > 2e6
+    assert peaks[16] > 1e6
     assert peaks[256] < 1.05 * peaks[16]
 
 

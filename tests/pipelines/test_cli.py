@@ -258,12 +258,15 @@ def test_a_stopped_bake_leaves_a_store_that_verifies(
     build = tmp_path / "build"
     command = [sys.executable, "-m", "pipelines.cli", "billboard", str(assets / "meshes/tent.glb")]
     command += ["-o", str(tmp_path / "out"), "--build", str(build), "--resolution", "2048"]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ)
-    while not (build / "store" / ".locks").exists() and process.poll() is None:
-        time.sleep(0.01)
-    time.sleep(0.7)
-    process.send_signal(sent)
-    said = process.communicate(timeout=30)[1]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=os.environ) as process:
+        try:
+            while not (build / "store" / ".locks").exists() and process.poll() is None:
+                time.sleep(0.01)
+            time.sleep(0.7)
+            process.send_signal(sent)
+            said = process.communicate(timeout=60)[1]
+        finally:
+            process.kill()
     assert process.returncode == (130 if sent is signal.SIGINT else -signal.SIGKILL), said
     assert "Traceback" not in said
     assert not (tmp_path / "out").exists()
