@@ -6,8 +6,8 @@
 SCENE ?= grove
 SIZE ?= 960x540
 # In the grove a second is an hour: stills at dawn, noon, dusk and night; an animation of nightfall.
-TIMES ?= 6.5 12 18.6 20.5
-FRAMES ?= 408:504
+TIMES ?= 6.7 12 18.5 20.75
+FRAMES ?= 408:480
 FILE = assets/scenes/$(SCENE).toml
 OUT = build/renders/$(SCENE)
 ARGS ?=
@@ -55,7 +55,7 @@ study: setup-dev ## run all studies, or one: make study NAME=question
 	@$(BAKELIGHT) study $(NAME) $(ARGS)
 
 images: setup-dev ## render the pictures of the README again
-	@$(PY) docs/images/make.py $(TIMES)
+	@$(PY) docs/images/make.py
 
 setup: packages-view ## only prepare: .venv, packages, OpenGL
 	@tools/setup.sh opengl

@@ -49,7 +49,10 @@ class Coefficients:
         if self.held_out.size:
             width = self.alpha.shape[2]
             parts |= {f"held_out{m}": _folded(row, width) for m, row in enumerate(self.held_out)}
-            parts["held_out_texels"] = _folded(self.held_out_texels[:, None], width)
+            # As rows and columns: float32 holds whole numbers up to 2^24 only
+            row, column = np.divmod(self.held_out_texels, width)
+            places = np.stack([row, column, np.zeros_like(row)], axis=1)
+            parts["held_out_texels"] = _folded(places, width)
         exr.write(folder / "terms.exr", parts, half=False, compression="none")
         layout = {
             "ring": asdict(self.ring),
@@ -82,7 +85,8 @@ class Coefficients:
         if count:
             rows = [parts[f"held_out{m}"].reshape(-1, 3)[:count] for m in range(len(angles))]
             held_out = np.stack(rows)
-            texels = parts["held_out_texels"].reshape(-1)[:count].astype(np.int64)
+            places = parts["held_out_texels"].reshape(-1, 3)[:count].astype(np.int64)
+            texels = places[:, 0] * alpha[0].shape[1] + places[:, 1]
         return cls(
             terms=np.asarray(terms, np.float32),
             alpha=np.asarray(alpha, np.float32),

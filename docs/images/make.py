@@ -1,29 +1,36 @@
-"""Render the README's picture again: one view of the grove at four hours, on one sheet.
+"""Render the README's pictures again: one view of the grove at four hours, and through a day.
 
-Run by `make images`, which gives the four hours. Writes grove.webp beside this file, 1200 pixels
-wide and under 400 kB.
+Run by `make images`; other hours may be given. Writes grove.webp (four panels, 1200 pixels wide,
+under 400 kB) and grove-day.webp (a loop of 72 frames, under 3 MB) beside this file.
 """
 
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 from PIL import Image
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
 SCENE = "assets/scenes/grove.toml"
-WIDTH, GAP, LARGEST = 1200, 8, 400_000
+HOURS = [6.7, 12.0, 18.5, 20.75]
+WIDTH, GAP, SHEET_BYTES = 1200, 8, 400_000
+# The loop lingers where the light changes: frames at which these hours of the day are reached
+FRAMES, REACHED, AT = 72, [0, 24, 36, 60, 72], [4.8, 9.0, 16.5, 20.6, 28.8]
+RATE, DAY_BYTES = 12, 3_000_000
 
 
-def render(folder: Path, hours: list[str]) -> list[Path]:
-    """Render the stills at twice the size of a panel; return them in order of time."""
-    times = [word for hour in hours for word in ("--time", hour)]
-    program = Path(sys.executable).with_name("bakelight")
-    command = [program, "render", SCENE, "--size", "1192x672"]
-    subprocess.run([*command, *times, "-o", f"{folder}/"], cwd=ROOT, check=True)
-    return sorted(folder.glob("*.png"))
+def render(folder: Path, hours: list[float], size: str) -> list[Image.Image]:
+    """Render the scene at these hours, in one process, as pictures in their order."""
+    times = [word for hour in hours for word in ("--time", f"{hour:.2f}")]
+    program = [sys.executable, "-m", "pipelines.cli", "render", SCENE, "--size", size]
+    command = [*program, *times, "-o", f"{folder}/"]
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    paths = [folder / f"{Path(SCENE).stem}-{hour:06.2f}.png" for hour in hours]
+    return [Image.open(path).convert("RGB") for path in paths]
 
 
 def arrange(pictures: list[Image.Image]) -> Image.Image:
@@ -32,26 +39,33 @@ def arrange(pictures: list[Image.Image]) -> Image.Image:
     height = round(width * pictures[0].height / pictures[0].width)
     sheet = Image.new("RGB", (WIDTH, 2 * height + GAP), "white")
     for i, picture in enumerate(pictures):
-        panel = picture.convert("RGB").resize((width, height), Image.Resampling.LANCZOS)
+        panel = picture.resize((width, height), Image.Resampling.LANCZOS)
         sheet.paste(panel, ((i % 2) * (width + GAP), (i // 2) * (height + GAP)))
     return sheet
 
 
-def save(sheet: Image.Image, path: Path) -> None:
-    """Save at the highest quality whose file is small enough."""
+def save(pictures: list[Image.Image], path: Path, largest: int) -> None:
+    """Save one picture, or a loop of several, at the best quality whose file is small enough."""
+    moving: dict[str, Any] = {"save_all": True, "append_images": pictures[1:], "loop": 0}
+    options = {**moving, "duration": 1000 // RATE} if pictures[1:] else {}
     for quality in range(92, 40, -4):
-        sheet.save(path, quality=quality, method=6)
-        if path.stat().st_size <= LARGEST:
-            return
+        pictures[0].save(path, quality=quality, method=4, **options)
+        if path.stat().st_size <= largest:
+            break
+    else:
+        raise SystemExit(f"{path}: still over {largest} bytes; make it smaller or shorter")
+    print(f"{path.relative_to(ROOT)}: {path.stat().st_size} bytes at quality {quality}")
 
 
 def main() -> None:
     """Render, arrange, save, and say where."""
+    hours = [float(word) for word in sys.argv[1:]] or HOURS
+    day = np.interp(np.arange(FRAMES), REACHED, AT) % 24
     with tempfile.TemporaryDirectory() as folder:
-        pictures = [Image.open(path) for path in render(Path(folder), sys.argv[1:])]
-        sheet = arrange(pictures)
-    save(sheet, HERE / "grove.webp")
-    print(f"{HERE / 'grove.webp'}: {(HERE / 'grove.webp').stat().st_size} bytes")
+        stills = render(Path(folder), hours, "1192x672")
+        frames = render(Path(folder), [round(float(hour), 2) for hour in day], "480x270")
+    save([arrange(stills)], HERE / "grove.webp", SHEET_BYTES)
+    save(frames, HERE / "grove-day.webp", DAY_BYTES)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,20 +24,25 @@ Row = dict[str, float | int | str]
 @dataclass(frozen=True)
 class Panel:
     """One set of axes. lines : name -> points (x, y). marked : x of the default, or None.
-    scales : "log" or "linear" for x and y. ticks : labels of x, where x counts choices."""
+    scales : "log" or "linear" for x and y. ticks : labels of x, where x counts 0, 1, 2, ...
+    joined : draw lines between the points."""
 
     x: str
     y: str
-    lines: dict[str, Sequence[tuple[float, float]]]
+    lines: Mapping[str, Sequence[tuple[float, float]]]
     marked: float | None = None
     scales: tuple[str, str] = ("log", "linear")
     ticks: Sequence[str] = ()
+    joined: bool = True
 
 
 @dataclass(frozen=True)
 class Answer:
-    """What a study found. title : the answer, a sentence. truth : what it was measured against. rows :
-    all measurements; table : those worth printing, by default all. figures : numbers that are cited."""
+    """What a study found.
+
+    title : the answer, a sentence. truth : what it was measured against. rows : all measurements.
+    table : those worth printing, by default all. figures : numbers that are cited.
+    """
 
     question: str
     title: str
@@ -93,7 +98,9 @@ def draw(answer: Answer, stem: Path) -> list[Path]:
 
     # Text stays text, and the same measurements give the same file
     matplotlib.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": answer.question, "font.size": 9}
-    figure, axes = pyplot.subplots(1, len(answer.panels), figsize=(5.2 * len(answer.panels), 4), squeeze=False)
+    figure, axes = pyplot.subplots(
+        1, len(answer.panels), figsize=(5.2 * len(answer.panels), 4), squeeze=False
+    )
     for one, panel in zip(axes[0], answer.panels, strict=True):
         _panel(one, panel)
     figure.suptitle(answer.title, fontsize=10, wrap=True)
@@ -108,19 +115,27 @@ def draw(answer: Answer, stem: Path) -> list[Path]:
 def _panel(axes: Any, panel: Panel) -> None:
     for i, (name, points) in enumerate(panel.lines.items()):
         style = {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
+        style["linestyle"] = "-" if panel.joined else "none"
         axes.plot(*zip(*points, strict=True), label=name, markersize=4, linewidth=1.2, **style)
     if panel.marked is not None:
         axes.axvline(panel.marked, color="0.4", linestyle=":", linewidth=1, label="default")
     axes.set(xlabel=panel.x, ylabel=panel.y, xscale=panel.scales[0], yscale=panel.scales[1])
-    every = sorted({x for points in panel.lines.values() for x, _ in points})
-    if panel.ticks:
-        axes.set_xticks(range(len(panel.ticks)), panel.ticks)
-    elif panel.scales[0] == "log" and len(every) <= 14:
-        axes.set_xticks(every, [f"{x:g}" for x in every])
-        axes.minorticks_off()
+    _label(axes, panel)
     axes.grid(alpha=0.3)
     if len(panel.lines) > 1 or panel.marked is not None:
         axes.legend(fontsize=7)
 
 
-Measure = Callable[[Setting], Answer]
+def _label(axes: Any, panel: Panel) -> None:
+    """Name the very points on x where they are few, and plain numbers on a short logarithmic y."""
+    from matplotlib.ticker import LogFormatter, NullLocator
+
+    every = sorted({x for points in panel.lines.values() for x, _ in points})
+    if panel.ticks:
+        axes.set_xticks(range(len(panel.ticks)), panel.ticks)
+    elif panel.scales[0] == "log" and len(every) <= 14:
+        axes.set_xticks(every, [f"{x:g}" for x in every])
+        axes.xaxis.set_minor_locator(NullLocator())
+    if panel.scales[1] == "log":
+        axes.yaxis.set_major_formatter(LogFormatter())
+        axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))

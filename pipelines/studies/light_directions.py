@@ -1,8 +1,9 @@
 """How many light directions does a ring need?
 
-The truth is the same sprite under 512 directions, eight or more times as many as any bake here, so what it
-knows of aliasing is not what the bakes know. The error is that of the relit picture over all azimuths, by
-Parseval the root of the squared differences of the coefficients, sum / 2 pi.
+The truth is the same sprite under 512 directions, whose aliases are far beyond what is compared;
+and, apart from any fit, renders under lights that no bake saw. The error is that of the relit
+picture over all azimuths: by Parseval, its mean square is the sum of the squared differences of
+the coefficients over 2 pi.
 """
 
 from __future__ import annotations
@@ -35,45 +36,61 @@ def measure(setting: Setting) -> Answer:
         truth = traced(mesh, **knobs, lights=TRUTH, lights_per_sample=TRUTH)
         floor = truth.quality["held_out_psnr"]
         for count in QUICK if setting.quick else COUNTS:
-            master, seconds = processor_seconds(traced, mesh, **knobs, lights=count, lights_per_sample=count)
+            master, seconds = processor_seconds(
+                traced, mesh, **knobs, lights=count, lights_per_sample=count
+            )
             error = relit_error(master.terms[0], truth.terms[0], truth.alpha[0])
             decibels = float(20 * np.log10(peak_of(truth) / error))
             held_out = master.quality["held_out_psnr"]
-            rows.append({
-                "subject": name, "directions": count, "psnr_db": decibels, "held_out_db": held_out,
-                "held_out_of_truth_db": floor, "processor_seconds": seconds,
-            })  # fmt: skip
+            rows.append(
+                {
+                    "subject": name,
+                    "directions": count,
+                    "psnr_db": decibels,
+                    "held_out_db": held_out,
+                    "held_out_of_truth_db": floor,
+                    "processor_seconds": seconds,
+                }
+            )
             lines.setdefault(f"{name}: against {TRUTH} directions", []).append((count, decibels))
             lines.setdefault(f"{name}: against held-out lights", []).append((count, held_out))
     enough = enough_of(rows)
     return Answer(
         question="light_directions",
-        title=f"{enough} directions are enough for {TERMS} terms: beyond, what the terms cannot hold dominates",
+        title=f"{enough} directions are enough for {TERMS} terms: beyond, truncation dominates",
         truth=f"the same sprite under {TRUTH} directions; and lights that no bake saw",
         rows=rows,
         panels=(
             Panel("light directions", "PSNR, dB", lines, marked=DEFAULT),
             Panel(
-                "light directions", "processor seconds",
-                {name: [(float(r["directions"]), float(r["processor_seconds"])) for r in rows if r["subject"] == name]
-                 for name in dict.fromkeys(str(r["subject"]) for r in rows)},
-                marked=DEFAULT, scales=("log", "log"),
+                "light directions",
+                "processor seconds",
+                {
+                    name: [
+                        (float(r["directions"]), float(r["processor_seconds"]))
+                        for r in rows
+                        if r["subject"] == name
+                    ]
+                    for name in dict.fromkeys(str(r["subject"]) for r in rows)
+                },
+                marked=DEFAULT,
+                scales=("log", "log"),
             ),
         ),
         figures={"enough": enough, "truth": TRUTH},
-    )  # fmt: skip
+    )
 
 
 def relit_error(
     terms: NDArray[np.float32], truth: NDArray[np.float32], alpha: NDArray[np.float32]
 ) -> float:
-    """Return the RMS over azimuths, channels and covered texels of relit radiance, terms (K, h, w, 3)."""
+    """Return the RMS of relit radiance over azimuths and covered texels; terms (K, h, w, 3)."""
     difference = (terms - truth).astype(np.float64)[:, alpha > 0]
     return float(np.sqrt(np.mean(np.sum(np.square(difference), axis=0)) / (2 * np.pi)))
 
 
 def peak_of(master: Coefficients) -> float:
-    """Return the brightest value of the renders under held-out lights: 0 dB is an error as large."""
+    """Return the brightest value of the renders under held-out lights."""
     return float(master.quality["held_out_peak"])
 
 
@@ -81,7 +98,9 @@ def enough_of(rows: list[Row], slack: float = 0.1) -> int:
     """Return from how many directions on every subject stays within `slack` dB of the truth's own
     held-out PSNR."""
     short = [
-        int(r["directions"]) for r in rows if float(r["held_out_db"]) < float(r["held_out_of_truth_db"]) - slack
+        int(r["directions"])
+        for r in rows
+        if float(r["held_out_db"]) < float(r["held_out_of_truth_db"]) - slack
     ]
     beyond = [int(r["directions"]) for r in rows if int(r["directions"]) > max(short, default=0)]
     return min(beyond, default=TRUTH)

@@ -1,4 +1,4 @@
-"""The rays that a bake casts: counted, or recorded to be cast again without the bake around them."""
+"""The rays that a bake casts: counted, or recorded to be cast again without the bake."""
 
 from __future__ import annotations
 
@@ -42,7 +42,9 @@ class Recorder:
         self.mine.calls = []
         self.tiles.append(self.mine.calls)
 
-    def run(self, origins: NDArray[np.float32], directions: NDArray[np.float32], **query: Any) -> Any:
+    def run(
+        self, origins: NDArray[np.float32], directions: NDArray[np.float32], **query: Any
+    ) -> Any:
         """Do as embreex does."""
         self.rays += len(origins)
         if self.keep:

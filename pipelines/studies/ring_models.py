@@ -1,8 +1,9 @@
 """How wrong is a sun that leaves the ring?
 
-A light at sine s from the ring's axis, where the ring has s0, is projected as E g^h B, g = min(1, s / s0).
-The truth is the sprite rendered under lights at that elevation. Beside the model stand the same light
-pushed on to the ring (g = 1), and the best that the terms could do: a ring baked at that very elevation.
+A light at sine s from the ring's axis, where the ring has s0, is projected as E g^h B with
+g = min(1, s / s0). The truth is the sprite rendered under lights at that elevation. Beside the
+model stand the same light pushed on to the ring (g = 1), and the best that the terms could do: a
+ring baked at that very elevation.
 """
 
 from __future__ import annotations
@@ -29,14 +30,17 @@ def measure(setting: Setting) -> Answer:
     for name, mesh in setting.meshes("knot", "oak").items():
         for axis in ("view", "up"):
             rows += _rows(name, mesh, axis, setting)
-    worst = {axis: min(float(r["gain_db"]) for r in rows if r["axis"] == axis) for axis in ("view", "up")}
+    worst = {
+        axis: min(float(r["gain_db"]) for r in rows if r["axis"] == axis) for axis in ("view", "up")
+    }
     loss = {
-        axis: max(float(r["own ring"]) - float(r["g^h"]) for r in rows if r["axis"] == axis) for axis in worst
+        axis: max(float(r["own ring"]) - float(r["g^h"]) for r in rows if r["axis"] == axis)
+        for axis in worst
     }
     return Answer(
         question="ring_models",
-        title=f"A sun off a ring at {RING:.0f} degrees costs up to {loss['view']:.0f} dB (axis view), "
-        f"{loss['up']:.0f} dB (axis up)",
+        title=f"A sun off a ring at {RING:.0f} degrees costs up to {loss['view']:.0f} dB "
+        f"(axis view), {loss['up']:.0f} dB (axis up)",
         truth="the sprite rendered under lights at that elevation",
         rows=rows,
         panels=[
@@ -84,7 +88,9 @@ def _rows(name: str, mesh: Mesh, axis: str, setting: Setting) -> list[Row]:
         peak = float(truth.held_out.max())
         decibels = {key: psnr(truth.held_out, picture, peak) for key, picture in relit.items()}
         gain = decibels["g^h"] - decibels["on the ring"]
-        rows.append({"subject": name, "axis": axis, "elevation": elevation, **decibels, "gain_db": gain})
+        rows.append(
+            {"subject": name, "axis": axis, "elevation": elevation, **decibels, "gain_db": gain}
+        )
     return rows
 
 
@@ -92,9 +98,13 @@ def model(master: Coefficients, directions: NDArray[np.float64]) -> NDArray[np.f
     """Return the coefficients (M, K) of suns of unit irradiance from directions (M, 3), by g^h."""
     ring = master.ring
     projected = circular_harmonics.project_sun(
-        directions, np.ones(3), ring.terms,
-        axis=ring.axis, elevation=ring.elevation, one_sided=ring.one_sided,
-    )  # fmt: skip
+        directions,
+        np.ones(3),
+        ring.terms,
+        axis=ring.axis,
+        elevation=ring.elevation,
+        one_sided=ring.one_sided,
+    )
     return np.asarray(projected[..., 0])
 
 
@@ -105,6 +115,6 @@ def on_ring(master: Coefficients, directions: NDArray[np.float64]) -> NDArray[np
 
 
 def relit_by(master: Coefficients, light: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the texels that have held-out renders, relit by coefficients (M, K): (M, n, 3), clamped at 0."""
+    """Relight by coefficients (M, K) the texels with held-out renders: (M, n, 3), clamped at 0."""
     Y = master.terms[0].reshape(master.ring.terms, -1, 3)[:, master.held_out_texels]
     return np.asarray(np.maximum(np.einsum("mk,kpc->mpc", light.astype(np.float32), Y), 0))

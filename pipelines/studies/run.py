@@ -24,7 +24,8 @@ QUESTIONS = (
 def run(questions: tuple[str, ...], out: Path, *, quick: bool, source: Path | None) -> None:
     """Run the studies named, or all; write their files into `out` and print a table each.
 
-    questions : names of QUESTIONS; "list" alone prints them. InputError for others, or no such source.
+    questions : names of QUESTIONS; "list" alone prints them. InputError for other names and for a
+    source that is not there.
     """
     from rich.console import Console
 
@@ -35,7 +36,9 @@ def run(questions: tuple[str, ...], out: Path, *, quick: bool, source: Path | No
         return
     for name in questions:
         if name not in QUESTIONS:
-            raise InputError("study", "question", name, f"choose from {', '.join(QUESTIONS)}, or list")
+            raise InputError(
+                "study", "question", name, f"choose from {', '.join(QUESTIONS)}, or list"
+            )
     if source is not None and not source.is_file():
         raise InputError(source, "", "no such file", "check the path")
     setting = Setting(quick=quick, source=source)

@@ -24,8 +24,11 @@ MESHES = Path(__file__).resolve().parents[2] / "assets" / "meshes"
 
 @dataclass(frozen=True)
 class Setting:
-    """How a study is run. quick : fewer points and smaller pictures. source : a mesh file instead of
-    the study's own subjects. seed : of whatever is random, though nothing but sampling patterns is."""
+    """How a study is run.
+
+    quick : fewer points and smaller pictures. source : a mesh file instead of the study's own
+    subjects. seed : of whatever is random; bakes are not.
+    """
 
     quick: bool = False
     source: Path | None = None
@@ -36,8 +39,10 @@ class Setting:
         return quick if self.quick else full
 
     def meshes(self, *names: str) -> dict[str, Mesh]:
-        """Return the subjects by name: "knot", or files of assets/meshes; the user's own replaces all,
-        and a quick run keeps the first."""
+        """Return subjects by name: "knot", or files of assets/meshes.
+
+        The user's own replaces all; a quick run keeps the first.
+        """
         if self.source is not None:
             return {self.source.stem: _loaded(self.source)}
         return {name: named(name) for name in (names[:1] if self.quick else names)}
@@ -55,9 +60,9 @@ def _loaded(path: Path) -> Mesh:
 
 @lru_cache(maxsize=2)
 def knot(around: int = 500, across: int = 70) -> Mesh:
-    """Return a closed coloured (2, 3) torus knot of 2 * around * across faces (70,000), a metre or so tall.
+    """Return a closed coloured (2, 3) torus knot of 2 * around * across faces, about a metre tall.
 
-    It shadows itself from every side; its colours turn along the tube, two turns of hue to one of knot.
+    It shadows itself from every side. Its hue turns twice along the tube.
     """
     u, v = (2 * np.pi * np.arange(n) / n for n in (around, across))
     centre = _knot_curve(u)
@@ -99,7 +104,7 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def relit(master: Coefficients, azimuth: float) -> NDArray[np.float32]:
-    """Return view 0 under one light of the ring, (h, w, 4) premultiplied, clamped at 0, its peak 1."""
+    """Return view 0 under one light of the ring: (h, w, 4) premultiplied, 0 to 1."""
     basis = circular_harmonics.evaluate(np.asarray(azimuth), master.ring.terms)
     colour = np.maximum(np.einsum("khwc,k->hwc", master.terms[0], basis), 0)
     # The peak is what all but a ten-thousandth of the lit values stay below
@@ -114,7 +119,9 @@ def traced(mesh: Mesh, **knobs: Any) -> Coefficients:
     return billboard.trace(mesh, params=billboard.Params(**knobs))
 
 
-def processor_seconds(function: Callable[..., Result], *values: Any, **named: Any) -> tuple[Result, float]:
+def processor_seconds(
+    function: Callable[..., Result], *values: Any, **named: Any
+) -> tuple[Result, float]:
     """Call a function; return its result and the processor time of all threads, in seconds.
 
     On a machine with other work to do, that says more than the clock on the wall.

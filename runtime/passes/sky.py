@@ -11,7 +11,7 @@ import numpy as np
 from runtime.shader import SCREEN, set_uniforms
 
 HERE = Path(__file__).parent
-DISC = 12.0  # radiance of the sun's disc over that of its glow; the film shows no more
+DISC = 2.0  # radiance of the disc over its glow: more makes hard specks between leaves
 
 
 class Pass:

@@ -161,12 +161,12 @@ def test_sky(glsl, rng):
     d, sun = inputs["d"].astype(float), inputs["s"].astype(float)
     sine = d[:, 1]
     zenith, horizon = np.array([0.1, 0.2, 0.4]), np.array([0.9, 0.6, 0.4])
-    share = np.exp(-3.5 * np.maximum(sine, 0))[:, None]
+    share = np.exp(-5.5 * np.maximum(sine, 0))[:, None]
     found = glsl("sky", "sky_gradient(d.y, vec3(0.1, 0.2, 0.4), vec3(0.9, 0.6, 0.4))", inputs, 3)
     close(found, zenith + (horizon - zenith) * share, CURVES)
     near = 1 - np.sum(d * sun, axis=1)
     rise = d[:, 1] - sun[:, 1]
-    expected = 0.45 * np.exp(-near / 0.006) + 0.55 * np.exp(-near / 0.16 - 2.2 * rise**2)
+    expected = 0.45 * np.exp(-near / 0.006) + 0.55 * np.exp(-near / 0.16 - 40.0 * rise**2)
     close(glsl("sky", "sky_glow(d, s)", inputs), expected, {"rtol": 2e-4, "atol": 1e-5})
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from formats import report, seal
 from formats.billboard import Billboard, Ring
-from formats.errors import DamagedError
+from formats.errors import DamagedError, InputError
 from formats.files import ktx2
 
 
@@ -92,5 +92,5 @@ def test_another_kind_is_refused(tmp_path, rng):
 
 def test_numbers_that_json_cannot_hold_are_refused(tmp_path, rng):
     board = replace(make(rng), quality={"psnr": float("inf")})
-    with pytest.raises(Exception, match="psnr"):
+    with pytest.raises(InputError, match="psnr"):
         board.save(tmp_path)

@@ -49,8 +49,10 @@ def test_the_smallest_sprites(size, tmp_path, rng):
 
 
 def test_large_texel_numbers_survive_float32(tmp_path, rng):
-    """Numbers of texels are stored as float32, exact up to 2^24: 4096 x 4096 texels."""
-    master = replace(make(rng, held=(1, 2)), held_out_texels=np.array([2**24 - 1, 8191 * 2047]))
+    """A sprite has up to 8192 x 8192 texels, float32 holds whole numbers up to 4096 x 4096."""
+    last = 8192 * 8192 - 1
+    master = make(rng, views=1, size=(1, 8192), held=(1, 2))
+    master = replace(master, held_out_texels=np.array([last, last - 1]))
     master.save(tmp_path)
     np.testing.assert_array_equal(
         Coefficients.load(tmp_path).held_out_texels, master.held_out_texels

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from formats import scene as scenes
 from formats.files import glb, rgbe
 
 ASSETS = Path(__file__).parents[2] / "assets"
@@ -74,6 +75,36 @@ def test_meshes_stay_small_together() -> None:
     sizes = [(ASSETS / "meshes" / f"{name}.glb").stat().st_size for name in MESHES]
     assert len(sizes) >= 10
     assert sum(sizes) < LARGEST_SUM
+
+
+def test_grove_shows_every_mesh_and_bakes_no_texel_that_nobody_sees() -> None:
+    grove = scenes.load(ASSETS / "scenes" / "grove.toml")
+    camera = grove.camera
+    eye, focal = camera.position.at(0.0), camera.focal_length_mm.at(0.0)
+    pixels = 720 * focal / camera.sensor_height_mm  # of a metre at a metre, in 1280x720
+    half_width = 640 / pixels
+    largest: dict[str, float] = {}
+    texels: dict[str, int] = {}
+    for group in grove.billboards:
+        box = np.ptp(np.concatenate([p.positions for p in primitives(group.source)]), axis=0)
+        longer = group.height * max(box[0], box[1]) / box[1]
+        placed = group.instances()
+        depth = eye[2] - placed.positions[:, 2]
+        # A crown may reach into the picture from a metre beside it
+        aside = np.abs(placed.positions[:, 0] - eye[0]) - 1.0
+        seen = (depth > 1.0) & (aside < half_width * depth)
+        size = float((pixels * longer * placed.scale[seen] / depth[seen]).max())
+        name = group.source.stem
+        largest[name] = max(largest.get(name, 0.0), size)
+        texels[name] = max(texels.get(name, 0), group.resolution)
+    assert sorted(largest) == MESHES
+    # A quarter more than the pixels of the nearest sprite is reserve enough for its filter
+    assert {name: texels[name] for name in MESHES if texels[name] > 1.25 * largest[name]} == {}
+
+
+def primitives(path: Path) -> list[glb.Primitive]:
+    """List the primitives of all nodes of a mesh."""
+    return [primitive for node in glb.read(path) for primitive in node.primitives]
 
 
 def test_sky_is_written_again_byte_for_byte(

@@ -37,8 +37,8 @@ def test_horizon_and_zenith_have_their_own_colours(shown):
     level = shown(SKY, looking([0, 0, -1]))
     np.testing.assert_allclose(level[33:], np.broadcast_to(SKY["horizon"], (32, 65, 3)), rtol=0.003)
     up = shown(SKY, looking([0, 1, 0]))[32, 32]
-    # exp(-3.5) of the horizon is left overhead
-    expected = np.array(SKY["zenith"]) + np.exp(-3.5) * (np.array(SKY["horizon"]) - SKY["zenith"])
+    # exp(-5.5) of the horizon is left overhead
+    expected = np.array(SKY["zenith"]) + np.exp(-5.5) * (np.array(SKY["horizon"]) - SKY["zenith"])
     np.testing.assert_allclose(up, expected, rtol=0.002)
     assert np.all(np.diff(level[:33, 32, 0]) >= 0)
 

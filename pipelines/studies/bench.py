@@ -1,0 +1,215 @@
+"""Speed and memory against the aims, in one run: `make bench`.
+
+What is compared is measured on the same machine in the same minutes, alternately, and the best of a
+few rounds counts, since other work can only slow a round down. Ratios carry over to other machines;
+seconds do not.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+
+import click
+
+from bake import billboard, mips
+from formats.mesh import Mesh
+from pipelines.studies import ray_calls
+from pipelines.studies.answer import environment
+from pipelines.studies.subjects import Setting
+
+SCENE = Path("assets/scenes/grove.toml")
+SIZE = (640, 360)
+HOURS = (6.5, 12.0, 18.6, 20.5)
+ROUNDS = 3
+SCALE_SECONDS = 6.2  # Mitsuba 3 (LLVM) on 2 cores, 64 directions, 512x512, 16 samples, 70,000 faces
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number: what, how much, in which unit, and the most that is aimed at."""
+
+    name: str
+    value: float
+    unit: str
+    aim: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Whether the aim is met."""
+        return "" if self.aim is None else "met" if self.value < self.aim else "MISSED"
+
+
+def rays(source: Path | None) -> Iterator[Figure]:
+    """A bake against the same Embree calls on ready-made arrays, both with all threads."""
+    mesh = subject(source)
+    params = billboard.Params()
+    recorder = ray_calls.cast(mesh, params, keep=True)
+    seconds: dict[str, list[float]] = {"trace": [], "pack": [], "rays": []}
+    for _ in range(ROUNDS):
+        started = perf_counter()
+        master = billboard.trace(mesh, params=params)
+        traced = perf_counter()
+        mips.pack(master, params=mips.Params())
+        packed = perf_counter()
+        ray_calls.replay(recorder)
+        done = perf_counter()
+        seconds["trace"].append(traced - started)
+        seconds["pack"].append(packed - traced)
+        seconds["rays"].append(done - packed)
+    trace, pack, alone = (min(seconds[name]) for name in ("trace", "pack", "rays"))
+    yield Figure("faces", len(mesh.faces), "")
+    yield Figure("rays", recorder.rays, "")
+    yield Figure("the Embree calls alone", alone, "s")
+    yield Figure("bake: rays to coefficients", trace, "s")
+    yield Figure("bake: mips, packing, codes", pack, "s")
+    yield Figure("bake, rays to coefficients, over the calls alone", trace / alone, "", 1.5)
+    yield Figure("whole bake over the calls alone", (trace + pack) / alone, "")
+    yield Figure(f"whole bake (Mitsuba 3: {SCALE_SECONDS} s)", trace + pack, "s", 2.5)
+
+
+def memory(source: Path | None) -> Iterator[Figure]:
+    """Peak memory of a bake with 16 and with 256 lights, each in a process of its own."""
+    peaks = []
+    for lights in (16, 256):
+        code = "import sys; from pipelines.studies.bench import peak; peak(*sys.argv[1:])"
+        words = [
+            sys.executable,
+            "-c",
+            code,
+            str(lights),
+            *([] if source is None else [str(source)]),
+        ]
+        peaks.append(int(_run(words)) / 2**20)
+        yield Figure(f"peak memory, {lights} lights", peaks[-1], "MiB")
+    yield Figure("memory of 256 lights over that of 16", peaks[1] / peaks[0], "", 1.05)
+
+
+def peak(lights: str, source: str = "") -> None:
+    """Bake once and print the peak of this process' memory meanwhile, in bytes."""
+    mesh = subject(Path(source) if source else None)
+    # Reading the mesh may take more than baking it: Linux can forget that peak
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")
+    billboard.trace(mesh, params=billboard.Params(lights=int(lights)))
+    print(peak_bytes())
+
+
+def peak_bytes() -> int:
+    """Return the peak of this process' resident memory, in bytes."""
+    with suppress(OSError):
+        status = Path("/proc/self/status").read_text(encoding="ascii")
+        return 1024 * int(status.split("VmHWM:")[1].split()[0])
+    import resource
+
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+        1 if sys.platform == "darwin" else 1024
+    )
+
+
+def commands(source: Path | None) -> Iterator[Figure]:
+    """The program from process start: a bake with nothing to do, and the first frame."""
+    del source
+    program = [sys.executable, "-c", "from pipelines.cli import main; main()"]
+    _run([*program, "bake", str(SCENE)])
+    yield Figure(
+        "no-op bake of the grove", best_of(lambda: _run([*program, "bake", str(SCENE)])), "s", 0.5
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        size, picture = f"{SIZE[0]}x{SIZE[1]}", str(Path(folder) / "frame.png")
+        words = [*program, "render", str(SCENE), "--time", "12", "--size", size, "-o", picture]
+        yield Figure("first frame of the grove, written", best_of(lambda: _run(words)), "s", 1.5)
+
+
+def frames(source: Path | None) -> Iterator[Figure]:
+    """Milliseconds of a frame and of its passes, the median over frames at four hours."""
+    del source
+    from runtime.player import Player
+
+    with Player(Path("build/scenes") / SCENE.stem, size=SIZE) as player:
+        passes: dict[str, list[float]] = {}
+        for hour in HOURS:
+            player.frame(hour)
+            for _ in range(ROUNDS):
+                player.frame(hour)
+                for name, spent in player.profile["milliseconds"].items():
+                    passes.setdefault(name, []).append(spent)
+        profile = player.profile
+    middles = {name: median(spent) for name, spent in passes.items()}
+    how = f"{SIZE[0]}x{SIZE[1]}, {profile['renderer']}, {profile['timing']}"
+    yield Figure(f"frame ({how})", sum(middles.values()), "ms")
+    for name, spent in middles.items():
+        yield Figure(f"pass {name}", spent, "ms")
+
+
+PARTS: dict[str, Callable[[Path | None], Iterator[Figure]]] = {
+    "rays": rays,
+    "memory": memory,
+    "commands": commands,
+    "frames": frames,
+}
+
+
+def subject(source: Path | None) -> Mesh:
+    """Return the mesh to bake: the user's own, or a coloured knot of 70,000 faces."""
+    return next(iter(Setting(source=source).meshes("knot").values()))
+
+
+def best_of(action: Callable[[], object]) -> float:
+    """Return the seconds of the fastest of a few rounds."""
+    seconds = []
+    for _ in range(ROUNDS):
+        started = perf_counter()
+        action()
+        seconds.append(perf_counter() - started)
+    return min(seconds)
+
+
+def _run(words: list[str]) -> str:
+    return subprocess.run(words, check=True, capture_output=True, text=True).stdout
+
+
+@click.command()
+@click.option("--source", type=click.Path(path_type=Path, exists=True), help="A mesh of your own.")
+@click.option("--only", type=click.Choice(list(PARTS)), multiple=True, help="Some parts alone.")
+@click.option(
+    "-o",
+    "--output",
+    "out",
+    type=click.Path(path_type=Path),
+    default=Path("build/studies"),
+    show_default=True,
+)
+def main(source: Path | None, only: tuple[str, ...], out: Path) -> None:
+    """Measure, print a table, and write bench.json."""
+    from rich.console import Console
+    from rich.table import Table
+
+    figures = [figure for name in only or PARTS for figure in PARTS[name](source)]
+    table = Table("what", "measured", "aim", "")
+    for one in figures:
+        aim = "" if one.aim is None else f"< {one.aim:g} {one.unit}"
+        table.add_row(one.name, f"{one.value:.4g} {one.unit}", aim, one.verdict)
+    Console().print(table)
+    out.mkdir(parents=True, exist_ok=True)
+    data = {
+        "source": None if source is None else source.name,
+        **environment(),
+        "figures": [asdict(one) | {"verdict": one.verdict} for one in figures],
+    }
+    (out / "bench.json").write_text(
+        json.dumps(data, indent=1, allow_nan=False) + "\n", encoding="utf-8"
+    )
+    click.echo(str(out / "bench.json"))
+
+
+if __name__ == "__main__":
+    main()
