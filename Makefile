@@ -5,9 +5,9 @@
 
 SCENE ?= grove
 SIZE ?= 960x540
-# In the grove a second is an hour: stills at dawn, noon, dusk and night; an animation of nightfall.
+# In the grove a second is an hour: stills at dawn, noon, dusk and night; an animation of the day.
 TIMES ?= 6.7 12 18.5 20.75
-FRAMES ?= 408:480
+FRAMES ?= 120:552:6
 FILE = assets/scenes/$(SCENE).toml
 OUT = build/renders/$(SCENE)
 ARGS ?=

@@ -33,12 +33,14 @@ class Filter:
     lens_scale: float
 
 
-# Half-widths and c are those that the study `lens_by_mips` found best against a thin lens
+# Half-widths and c that the study `lens_by_mips` found best against a thin lens of 1,024 samples,
+# over blurs of 0 to 64 pixels and sprites of 64 to 1,024; the mean PSNR is beside them. The kaiser
+# leads at every size and every blur. The box is what drivers make (half-width 0.75: 39.0 dB).
 FILTERS = {
-    "box": Filter(0.5, 0.72),
-    "disc": Filter(0.75, 0.72),
-    "gaussian": Filter(1.25, 0.72),
-    "kaiser": Filter(2.0, 0.46),
+    "box": Filter(0.5, 0.56),  # 37.5 dB
+    "disc": Filter(0.9, 0.43),  # 39.2 dB
+    "gaussian": Filter(1.25, 0.43),  # 39.0 dB
+    "kaiser": Filter(2.0, 0.45),  # 39.7 dB
 }
 
 
@@ -48,7 +50,7 @@ class Params:
     sizes the transparent border. packing : "twelve" or "full". unpack : "chroma" or "talk".
     depth : "8" for RGBA8, "16" for RGBA16F."""
 
-    filter: str = "gaussian"
+    filter: str = "kaiser"
     max_lod: float = 4.0
     packing: str = "twelve"
     unpack: str = "chroma"

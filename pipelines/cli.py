@@ -91,7 +91,7 @@ def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool)
     "--time", "times", type=float, multiple=True, help="Seconds; several give several stills."
 )
 @click.option(
-    "--frames", help="A:B, frame numbers, B left out; for a sequence, .gif, .webp or .mp4."
+    "--frames", help="A:B or A:B:STEP, frame numbers, B left out: a sequence, .gif, .webp, .mp4."
 )
 @click.option("--profile", is_flag=True, help="Print milliseconds, programs, textures a pass.")
 @root_option

@@ -112,11 +112,13 @@ def _moments(
         if out.suffix in MOVIES:
             raise InputError("command line", "--output", str(out), "a movie needs --frames A:B")
         return [(f"{scene.name}-{time:06.2f}", time) for time in chosen]
-    match = re.fullmatch(r"(\d+):(\d+)", frames)
-    first, last = (int(n) for n in match.groups()) if match else (0, 0)
-    if not last > first:
-        raise InputError("command line", "--frames", frames, "write A:B with A < B, such as 0:48")
-    return [(f"{scene.name}-{n:05d}", n / scene.time.frame_rate) for n in range(first, last)]
+    match = re.fullmatch(r"(\d+):(\d+)(?::(\d+))?", frames)
+    first, last, step = (int(n or 1) for n in match.groups()) if match else (0, 0, 0)
+    if not (last > first and step):
+        remedy = "write A:B or A:B:STEP with A < B, such as 0:48"
+        raise InputError("command line", "--frames", frames, remedy)
+    rate = scene.time.frame_rate
+    return [(f"{scene.name}-{n:05d}", n / rate) for n in range(first, last, step)]
 
 
 def _write(

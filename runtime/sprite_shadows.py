@@ -27,15 +27,18 @@ def shares(sets: list[Any], to_light: Array) -> list[Array]:
     sets : runtime.sprites.SpriteSet, those with `shadow` cast. to_light : (3,) unit.
     """
     level = float(np.hypot(to_light[0], to_light[2]))
-    found = [np.ones(len(s.positions)) for s in sets]
     if to_light[1] <= 0 or level < 1e-9:
-        return found
+        return [np.ones(len(s.positions)) for s in sets]
     towards, tangent = to_light[[0, 2]] / level, min(float(to_light[1] / level), STEEPEST)
-    casters = [(s, chosen) for s, chosen in zip(sets, _tallest(sets), strict=True) if len(chosen)]
-    for receivers, share in zip(sets, found, strict=True):
-        for caster, chosen in casters:
-            share *= _let_through(receivers, caster, chosen, towards, tangent)
-    return found
+    positions = np.concatenate([np.empty((0, 3)), *(s.positions for s in sets)])
+    heights = np.concatenate([np.empty(0), *(s.asset.height * s.scale for s in sets)])
+    ends = np.cumsum([0] + [len(s.positions) for s in sets])
+    share = np.ones(len(positions))
+    for casters, chosen, first in zip(sets, _tallest(sets), ends[:-1], strict=True):
+        if len(chosen):
+            selves = first + chosen
+            share *= _let_through(positions, heights, selves, casters, chosen, towards, tangent)
+    return [share[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
 
 def _tallest(sets: list[Any]) -> list[NDArray[np.int64]]:
@@ -49,20 +52,26 @@ def _tallest(sets: list[Any]) -> list[NDArray[np.int64]]:
 
 
 def _let_through(
-    receivers: Any, casters: Any, chosen: NDArray[np.int64], towards: Array, tangent: float
+    positions: Array,
+    heights: Array,
+    selves: NDArray[np.int64],
+    casters: Any,
+    chosen: NDArray[np.int64],
+    towards: Array,
+    tangent: float,
 ) -> Array:
-    n = len(receivers.positions)
+    """Return the share (n,) that the chosen casters, receivers number `selves`, let through."""
+    n = len(positions)
     size = casters.scale[chosen]
     # A texel more: bilinear coverage fades beyond the outline
     radius = (casters.crown + casters.coarse_texel) * size
     height = (casters.asset.height + casters.coarse_texel) * size
     # Where the casters stand as seen from the receivers: along the light and beside it
-    offset = casters.positions[chosen][None, :, ::2] - receivers.positions[:, None, ::2]
+    offset = casters.positions[chosen][None, :, ::2] - positions[:, None, ::2]
     along = offset @ towards
     beside = np.abs(offset @ np.array([-towards[1], towards[0]]))
     near = (beside < radius) & (along > -radius) & (along < height / tangent + radius)
-    if receivers is casters:
-        near[chosen, np.arange(len(chosen))] = False
+    near[selves, np.arange(len(chosen))] = False
     which, caster = np.nonzero(near)
     if not len(which):
         return np.ones(n)
@@ -71,7 +80,7 @@ def _let_through(
     base = casters.positions[chosen][caster, 1]
     total = np.zeros(n)
     for part in PARTS:
-        start = receivers.positions[:, 1] + part * receivers.asset.height * receivers.scale
+        start = positions[:, 1] + part * heights
         # Distances before and behind the body's axis between which the ray is as high as the body
         foot = start[which] - base
         low = np.maximum(-radius, along - (height - foot) / tangent)
@@ -89,15 +98,14 @@ def _let_through(
 
 def _coverage(casters: Any, right: Array, up: Array) -> Array:
     """Coverage (n,) of view 0 at metres from the pivot (scale 1), bilinear, 0 outside."""
-    cover, texel = casters.coarse, casters.coarse_texel
-    h, w = cover.shape
+    padded, texel = casters.coarse, casters.coarse_texel
+    h, w = padded.shape[0] - 2, padded.shape[1] - 2
     x = casters.asset.pivot[0] * casters.asset.metres_per_texel / texel + right / texel - 0.5
     y = casters.asset.pivot[1] * casters.asset.metres_per_texel / texel - up / texel - 0.5
     inside = (x > -1) & (x < w) & (y > -1) & (y < h)
     x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
     column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     fx, fy = x - column, y - row
-    padded = np.pad(cover, 1)
     found = np.zeros(len(x))
     for dy, wy in ((0, 1 - fy), (1, fy)):
         for dx, wx in ((0, 1 - fx), (1, fx)):
@@ -106,9 +114,10 @@ def _coverage(casters: Any, right: Array, up: Array) -> Array:
 
 
 def coarse_coverage(asset: Any) -> tuple[Array, float]:
-    """Return coverage (h, w) of view 0 at the first level of ROWS rows or less, and its texel."""
+    """Return coverage of view 0 at the first level of ROWS rows or less, a border of zeros about it
+    (h + 2, w + 2), and its texel in metres."""
     n = next((i for i, lv in enumerate(asset.levels) if lv.shape[1] <= ROWS), len(asset.levels) - 1)
     level = asset.levels[n]
     cover = level[0, ..., 3].astype(np.float64) * asset.scales[0, 3]
     cover = cover / 255 if level.dtype == np.uint8 else cover
-    return cover, asset.metres_per_texel * asset.size[1] / level.shape[1]
+    return np.pad(cover, 1), asset.metres_per_texel * asset.size[1] / level.shape[1]

@@ -63,13 +63,24 @@ def run_one(name: str, out: Path, setting: Setting) -> tuple[answers.Answer, lis
 
 def show(console: object, answer: answers.Answer) -> None:
     """Print the rows worth printing, and the answer below them."""
+    from rich import box
     from rich.console import Console
     from rich.table import Table
 
     assert isinstance(console, Console)
     rows = answer.table or answer.rows
-    table = Table(*(name.replace("_", " ") for name in rows[0]))
+    table = Table(box=box.SIMPLE, padding=(0, 1, 0, 0))
+    for name in rows[0]:
+        table.add_column(
+            name.replace("_", " "), justify="left" if isinstance(rows[0][name], str) else "right"
+        )
     for row in rows:
-        table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in row.values()))
+        table.add_row(*(_short(v) for v in row.values()))
     console.print(table)
     console.print(f"[bold]{answer.title}[/bold]")
+
+
+def _short(value: float | int | str) -> str:
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:.2f}" if value == 0 or 0.1 <= abs(value) < 1e4 else f"{value:.1e}"
