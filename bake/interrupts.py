@@ -12,8 +12,8 @@ from contextlib import contextmanager
 def held() -> Iterator[None]:
     """Keep Ctrl-C back until the block ends, then raise the KeyboardInterrupt that was asked for.
 
-    For code that swallows exceptions it does not know. In other threads than the main one, which never
-    get the signal, nothing is done.
+    For code that swallows exceptions it does not know. In other threads than the main one, which
+    never get the signal, nothing is done.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

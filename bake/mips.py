@@ -154,7 +154,9 @@ def mip_chain(
 def kernel_of(filter: str, ratio: int, half_width: float | None = None) -> Float:
     """Return the kernel (2 m, 2 m), sum 1, that makes one coarse texel from `ratio` finer ones.
 
-    Weights are the filter's integral over each fine texel, by 8x8 points.
+    Weights are the filter's integral over each fine texel, by 8x8 points, then made a partition of
+    unity: whichever of the `ratio` x `ratio` places a fine texel has in a coarse one, all coarse
+    texels together get the whole of it, so that energy is exact and a lone point does not flicker.
     """
     width = FILTERS[filter].half_width if half_width is None else half_width
     m = int(np.ceil(width * ratio))
@@ -172,7 +174,11 @@ def kernel_of(filter: str, ratio: int, half_width: float | None = None) -> Float
     else:
         weight = _kaiser(x, width) * _kaiser(y, width)
     fine = weight.reshape(2 * m, sub, 2 * m, sub).sum(axis=(1, 3))
-    return np.asarray(fine / fine.sum(), np.float32)
+    for row in range(ratio):
+        for column in range(ratio):
+            place = fine[row::ratio, column::ratio]
+            place /= place.sum() * ratio**2
+    return np.asarray(fine, np.float32)
 
 
 def _kaiser(x: NDArray[np.float64], width: float) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from formats.keyed import Keyed
 from formats.scene_file import parse
 from formats.schema import Where, item
 from formats.sprites import QUALITIES, Billboards, Ring, check, complete
+from maths import keyframes
 
 __all__ = [
     "NEAR",
@@ -303,4 +304,6 @@ def _nearest(keys: Keyed) -> float:
     """The least length that a keyed vector takes, at 64 moments between each two keys."""
     share = np.arange(64) / 64
     between = (keys.times[:-1, None] + np.diff(keys.times)[:, None] * share).ravel()
-    return float(np.linalg.norm(keys.at(np.append(between, keys.times[-1])), axis=-1).min())
+    moments = np.append(between, keys.times[-1])
+    values = keyframes.sample(keys.times, keys.values, moments, keys.interpolation, keys.loop)
+    return float(np.linalg.norm(values, axis=-1).min())

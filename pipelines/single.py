@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -21,92 +22,32 @@ def add_to(group: click.Group) -> None:
         group.add_command(command)
 
 
+def knob(flag: str, default: Any, text: str, choices: tuple[str, ...] = ()) -> Any:
+    """Return an option that shows its default."""
+    kind = click.Choice(choices) if choices else type(default)
+    return click.option(flag, type=kind, default=default, show_default=True, help=text)
+
+
 @click.command()
 @click.argument("source", type=file_path)
 @folder_out
-@click.option(
-    "--resolution", type=int, default=512, show_default=True, help="Texels along the longer side."
-)
-@click.option("--samples", type=int, default=16, show_default=True, help="Rays a texel.")
-@click.option(
-    "--views", type=int, default=1, show_default=True, help="1 to 16 sides, evenly about +y."
-)
-@click.option(
-    "--axis",
-    type=click.Choice(["view", "up"]),
-    default="view",
-    show_default=True,
-    help="Axis of the ring of lights.",
-)
-@click.option(
-    "--elevation",
-    type=float,
-    default=30.0,
-    show_default=True,
-    help="Degrees above the ring's plane.",
-)
-@click.option("--lights", type=int, default=64, show_default=True, help="Directions on the ring.")
-@click.option(
-    "--terms", type=int, default=5, show_default=True, help="Circular harmonics kept, odd."
-)
-@click.option(
-    "--sun-diameter",
-    type=float,
-    default=0.53,
-    show_default=True,
-    help="Degrees each light subtends.",
-)
-@click.option(
-    "--sky-fill",
-    type=float,
-    default=0.0,
-    show_default=True,
-    help="Even sky, share of the light's irradiance.",
-)
-@click.option(
-    "--transmission",
-    type=float,
-    default=0.35,
-    show_default=True,
-    help="Light let through by double-sided faces.",
-)
-@click.option(
-    "--gloss", type=float, default=0.0, show_default=True, help="Strength of the GGX lobe."
-)
-@click.option(
-    "--perspective",
-    type=float,
-    default=0.0,
-    show_default=True,
-    help="Degrees of view; 0: orthographic.",
-)
-@click.option(
-    "--packing",
-    type=click.Choice(["chroma", "talk", "full"]),
-    default="chroma",
-    show_default=True,
-    help="How terms share textures.",
-)
-@click.option(
-    "--max-lod",
-    type=float,
-    default=4.0,
-    show_default=True,
-    help="Coarsest mip for the lens; sizes the border.",
-)
-@click.option(
-    "--filter",
-    "mip_filter",
-    default=None,
-    help="Mip filter; default: the one that looks most like a lens.",
-)
-@click.option(
-    "--depth",
-    type=click.Choice(["8", "16"]),
-    default="8",
-    show_default=True,
-    help="Bits a channel.",
-)
+@knob("--resolution", 512, "Texels along the longer side.")
+@knob("--samples", 16, "Rays a texel.")
+@knob("--views", 1, "1 to 16 sides, evenly about +y.")
+@knob("--axis", "view", "Axis of the ring of lights.", ("view", "up"))
+@knob("--elevation", 30.0, "Degrees above the ring's plane.")
+@knob("--lights", 64, "Directions on the ring.")
+@knob("--lights-per-sample", 0, "How many of them each ray of a texel sees, in turn; 0 chooses.")
+@knob("--terms", 5, "Circular harmonics kept, odd.")
+@knob("--sun-diameter", 0.53, "Degrees each light subtends.")
+@knob("--sky-fill", 0.0, "Even sky, share of the light's irradiance.")
+@knob("--transmission", 0.35, "Light let through by double-sided faces.")
+@knob("--gloss", 0.0, "Strength of the GGX lobe.")
+@knob("--perspective", 0.0, "Degrees of view; 0: orthographic.")
+@knob("--packing", "chroma", "How terms share textures.", ("chroma", "talk", "full"))
+@knob("--max-lod", 4.0, "Coarsest mip for the lens; sizes the border.")
+@click.option("--filter", "mip_filter", help="Mip filter; default: the most like a lens.")
+@knob("--depth", "8", "Bits a channel.", ("8", "16"))
 @build_option
 @jobs_option
 @json_option
@@ -118,24 +59,14 @@ def billboard(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **
     from pipelines import bake_scene, output
 
     output.use_threads(jobs)
-    shared: dict[str, Any] = {
-        name: knobs[name]
-        for name in (
-            "resolution",
-            "samples",
-            "views",
-            "axis",
-            "lights",
-            "terms",
-            "sky_fill",
-            "transmission",
-            "gloss",
-        )
+    angles = {
+        "elevation": "elevation",
+        "sun_diameter": "sun_diameter",
+        "field_of_view": "perspective",
     }
-    angles: dict[str, Any] = {
-        name: float(np.radians(knobs[name])) for name in ("elevation", "sun_diameter")
-    }
-    trace = stage.Params(**shared, **angles, field_of_view=float(np.radians(knobs["perspective"])))
+    turned: dict[str, Any] = {name: float(np.radians(knobs[knob])) for name, knob in angles.items()}
+    names = {field.name for field in fields(stage.Params)} & set(knobs) - set(angles)
+    trace = stage.Params(**{name: knobs[name] for name in names}, **turned)
     packing = {
         "packing": "full" if knobs["packing"] == "full" else "twelve",
         "unpack": "talk" if knobs["packing"] == "talk" else "chroma",

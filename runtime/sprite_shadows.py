@@ -38,7 +38,7 @@ def shares(sets: list[Any], to_light: Array) -> list[Array]:
         if len(chosen):
             selves = first + chosen
             share *= _let_through(positions, heights, selves, casters, chosen, towards, tangent)
-    return [share[a:b] for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    return np.split(share, ends[1:-1])
 
 
 def _tallest(sets: list[Any]) -> list[NDArray[np.int64]]:

@@ -1,10 +1,14 @@
 """Fixtures of every test: numerical accidents become failures, random numbers have a seed."""
 
+import signal
 import zlib
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
+
+# Where the suite runs in the background, Ctrl-C is ignored, and so it would be in what tests start
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)

@@ -7,15 +7,17 @@ import pytest
 from bake import interrupts
 
 
-def test_a_swallowed_interrupt_arrives_when_the_block_ends() -> None:
-    reached = False
-    with pytest.raises(KeyboardInterrupt), interrupts.held():
+def _interrupted_inside() -> None:
+    with interrupts.held():
         try:
             signal.raise_signal(signal.SIGINT)
         except BaseException as error:
             raise AssertionError("it came early") from error
-        reached = True
-    assert reached
+
+
+def test_a_swallowed_interrupt_arrives_when_the_block_ends() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        _interrupted_inside()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 

@@ -47,7 +47,8 @@ def test_kernels_have_the_variance_of_their_filters():
 
     # Weights stand at the centres of 32 texels a side: 1 / 32^2 of the variance at the rim
     assert variance("box") == pytest.approx(1 / 12, rel=2e-3)
-    assert variance("disc") == pytest.approx(FILTERS["disc"].half_width ** 2 / 4, rel=2e-3)
+    # Discs overlap: sharing texels out evenly takes 8 % (measured) of what lies under two of them
+    assert variance("disc") == pytest.approx(0.922 * FILTERS["disc"].half_width ** 2 / 4, rel=5e-3)
     # Cut off at 2.5 deviations in two dimensions
     sigma = FILTERS["gaussian"].half_width / 2.5
     kept = 1 - 2.5**2 / 2 * np.exp(-(2.5**2) / 2) / (1 - np.exp(-(2.5**2) / 2))
@@ -61,45 +62,22 @@ def phases(filter, ratio):
     return np.array(parts) * ratio**2
 
 
-def test_how_evenly_fine_texels_are_weighed():
-    """Measured: the box and each filter's first level are exact; coarser ones are not quite."""
-    for filter in FILTERS:
-        np.testing.assert_allclose(phases(filter, 2), 1, atol=1e-6)
-    np.testing.assert_allclose(phases("box", 4), 1, atol=1e-6)
-    # Gaussian .023, Kaiser .019: a lone texel's brightness changes by that as it moves over them
-    assert np.abs(phases("gaussian", 4) - 1).max() < 0.03
-    assert np.abs(phases("kaiser", 4) - 1).max() < 0.03
-    # Disc .43: some texels lie under two of its circles, some hardly under one
-    assert np.abs(phases("disc", 4) - 1).max() < 0.5
+@pytest.mark.parametrize("filter", FILTERS)
+@pytest.mark.parametrize("ratio", [2, 4])
+def test_fine_texels_are_weighed_evenly(filter, ratio):
+    """A partition of unity, to the rounding of up to 16 float32 weights."""
+    np.testing.assert_allclose(phases(filter, ratio), 1, atol=1e-6)
 
 
 @pytest.mark.parametrize("filter", FILTERS)
 def test_energy_is_conserved_at_every_level(filter, rng):
-    """The sum of premultiplied values: exact where fine texels weigh evenly, and always within
-    their weights, whatever the picture."""
+    """The sum of premultiplied values, whatever the picture."""
     image = content(rng, 128, 24)
-    for level, coarse in enumerate(mip_chain(image, 4, filter)):
-        weights = phases(filter, 2 if level == 1 else 4) if level else np.ones(1)
-        energy = coarse.sum(axis=(1, 2), dtype=np.float64) * 4.0**level
-        total = image.sum(axis=(1, 2), dtype=np.float64)
-        # Sums of up to 144 float32 products
-        assert (energy >= total * (weights.min() - 2e-5)).all()
-        assert (energy <= total * (weights.max() + 2e-5)).all()
-        # Random texels average the weights: 576 of them leave a 24th of their spread
-        assert np.abs(energy / total - 1).max() < 2e-5 + np.ptp(weights) / 8
-
-
-@pytest.mark.parametrize("filter", FILTERS)
-def test_energy_of_smooth_content_is_conserved(filter):
-    x = np.arange(256) - 127.5
-    blob = np.exp(-0.5 * (x / 16) ** 2)
-    image = np.repeat((blob[:, None] * blob)[None, ..., None], 4, axis=-1).astype(np.float32)
-    image[image < 1e-7] = 0
     total = image.sum(axis=(1, 2), dtype=np.float64)
     for level, coarse in enumerate(mip_chain(image, 4, filter)):
         energy = coarse.sum(axis=(1, 2), dtype=np.float64) * 4.0**level
-        # A blob of 16 texels has nothing at the frequency of the weights' pattern: float32 is left
-        np.testing.assert_allclose(energy, total, rtol=1e-5)
+        # Sums of up to 144 float32 products
+        np.testing.assert_allclose(energy, total, rtol=2e-5)
 
 
 @pytest.mark.parametrize("filter", FILTERS)
@@ -147,7 +125,11 @@ def slow_level(image, filter, level):
         weight = np.where(r < 1, np.exp(-0.5 * 2.5**2 * r), 0)
     else:
         weight = mips._kaiser(x, half) * mips._kaiser(y, half)
-    weight = weight.reshape(2 * fine, 8, 2 * fine, 8).sum(axis=(1, 3)) / weight.sum()
+    weight = weight.reshape(2 * fine, 8, 2 * fine, 8).sum(axis=(1, 3), dtype=np.float64)
+    # What a fine texel gives to all the coarse ones that see it is the whole of it
+    for row, column in np.ndindex(ratio, ratio):
+        place = np.s_[row::ratio, column::ratio]
+        weight[place] = weight[place] / weight[place].sum() / ratio**2
     size = image.shape[1] // ratio
     wide = np.pad(image[0, :, :, 0].astype(np.float64), fine)
     coarse = np.zeros((size, size))
@@ -159,7 +141,7 @@ def slow_level(image, filter, level):
 
 # Level 1 is filtered from level 0, and so is level 2: float32 sums are left. Level 3 is filtered
 # from means of 2x2 texels, which resolve the kernel half as finely. RMS in the interior of a random
-# picture over that of the picture at this level, measured: 6e-8, .012, .0054, .0044
+# picture over that of the picture at this level, measured: 6e-8, .014, .0054, .0044
 SLOW = {"box": 1e-6, "disc": 0.02, "gaussian": 0.01, "kaiser": 0.02}
 
 

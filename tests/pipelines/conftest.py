@@ -34,7 +34,10 @@ sky = {{ zenith = [0.1, 0.2, 0.5], horizon = [0.6, 0.6, 0.6] }}
 PARTS = {
     "lens": "lens = { f_number = 0.8, focus_distance = 5.0 }",
     "fog": "fog = { extinction = 0.05, radiance = [0.5, 0.5, 0.5] }",
-    "environment": '[[lights]]\ntype = "environment"\nsource = "environments/even.hdr"\nscale = 0.5',
+    "environment": """[[lights]]
+type = "environment"
+source = "environments/even.hdr"
+scale = 0.5""",
 }
 
 

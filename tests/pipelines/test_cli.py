@@ -1,4 +1,4 @@
-"""The command line as a user meets it: one line and an exit code for every mistake, JSON on request."""
+"""The command line as a user meets it: one line and an exit code for every mistake."""
 
 import json
 import os

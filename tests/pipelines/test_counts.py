@@ -1,4 +1,4 @@
-"""What a scene does not call for is not imported, compiled, allocated or baked: counted, not hoped."""
+"""What a scene does not call for is not imported, compiled, allocated or baked: counted."""
 
 import json
 import os
