@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import click
 import numpy as np
@@ -22,7 +23,12 @@ def add_to(group: click.Group) -> None:
         group.add_command(command)
 
 
-def knob(flag: str, default: Any, text: str, choices: tuple[str, ...] = ()) -> Any:
+Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+def knob(
+    flag: str, default: Any, text: str, choices: tuple[str, ...] = ()
+) -> Callable[[Command], Command]:
     """Return an option that shows its default."""
     kind = click.Choice(choices) if choices else type(default)
     return click.option(flag, type=kind, default=default, show_default=True, help=text)
