@@ -32,7 +32,7 @@ from maths.sampling import uniform_cone
 
 Float = NDArray[np.float32]
 
-TILE = 4096  # texels in work at once a thread: a few MiB of buffers, thousands of rays a call
+TILE = 8192  # texels in work at once a thread: a few MiB of buffers, thousands of rays a call
 GOLDEN = 0.6180339887498949
 
 
@@ -261,20 +261,26 @@ def _camera_hits(
     the viewer."""
     row, column = np.divmod(np.arange(start, stop), frame.width)
     jitter = _pattern(params.samples)[:, None, :]
-    x = frame.left + (column + jitter[..., 0]) * frame.metres_per_texel
-    y = frame.top - (row + jitter[..., 1]) * frame.metres_per_texel
+    right, down = column + jitter[..., 0], row + jitter[..., 1]
     if np.isfinite(frame.eye[2]):
+        x = frame.left + right * frame.metres_per_texel
+        y = frame.top - down * frame.metres_per_texel
         to_eye = frame.eye - np.stack([x, y, np.zeros_like(x)], axis=-1)
         to_eye /= np.linalg.norm(to_eye, axis=-1, keepdims=True)
         viewer = np.ascontiguousarray(to_eye.reshape(-1, 3) @ turn.T, np.float32)
         # Start where the rays enter the mesh's reach: from a far eye, float32 would miss
         before = max(0.0, float(np.linalg.norm(frame.eye)) - 1.01 * frame.reach)
-        origins = (frame.eye - before * to_eye).reshape(-1, 3) @ turn.T + frame.origin
+        world = (frame.eye - before * to_eye).reshape(-1, 3) @ turn.T + frame.origin
+        origins = scene.to_unit(world)
     else:
         viewer = np.ascontiguousarray(turn[:, 2][None], np.float32)
-        local = np.stack([x, y, np.full_like(x, frame.reach * 1.01)], axis=-1)
-        origins = local.reshape(-1, 3) @ turn.T + frame.origin
-    hits = scene.intersect(scene.to_unit(origins), -viewer)
+        corner = turn @ np.array([frame.left, frame.top, frame.reach * 1.01]) + frame.origin
+        corner, step = (corner - scene.centre) * scene.scale, frame.metres_per_texel * scene.scale
+        origins = np.empty((right.size, 3), np.float32)
+        for axis in range(3):
+            along = corner[axis] + right * (turn[axis, 0] * step) - down * (turn[axis, 1] * step)
+            origins[:, axis] = along.ravel()
+    hits = scene.intersect(origins, -viewer, finite=True)
     return Hits(
         *(getattr(hits, n).reshape(params.samples, -1) for n in ("face", "u", "v", "distance"))
     ), viewer

@@ -99,12 +99,12 @@ def gather(
         """Project one block of lights; its buffers are gone before the next one's are made."""
         lit = _lit(scene, shading, ring, which, subsamples, count)
         seen = sum(
-            np.einsum("jsp,sp->jp", v, w[subsamples]) for v, w in zip(lit, weigh, strict=True)
+            np.einsum("sjp,sp->jp", v, w[subsamples]) for v, w in zip(lit, weigh, strict=True)
         )
         np.add(squares, np.einsum("jp,jp->p", seen, seen) * share**2, out=squares)
         for total, values in zip(sums, lit, strict=True):
-            for i, s in enumerate(subsamples):
-                total[:, s] += matrix[:, which] @ np.ascontiguousarray(values[:, i])
+            for s, light in zip(subsamples, values, strict=True):
+                total[:, s] += matrix[:, which] @ light
 
     for which, subsamples in _blocks(len(ring), lights.turns, samples):
         add_block(which, subsamples)
@@ -126,7 +126,7 @@ def _fill(scene: RayScene, shading: Shading, sky: Float, colours: list[Float]) -
     fill = np.zeros((count, 3), np.float32)
     for which, subsamples in _blocks(len(sky), 1, samples):
         lit = _lit(scene, shading, sky, which, subsamples, count)
-        fill += sum(np.einsum("jsp,spc->pc", v, c) for v, c in zip(lit, colours, strict=True))
+        fill += sum(np.einsum("sjp,spc->pc", v, c) for v, c in zip(lit, colours, strict=True))
         del lit
     return fill
 
@@ -150,12 +150,12 @@ def _lit(
     subsamples: NDArray[np.int64],
     count: int,
 ) -> list[Float]:
-    """Return, for each channel, what lights give subsamples: (lights, subsamples, p)."""
-    channels = [np.empty((len(which), len(subsamples), count), np.float32) for _ in shading.colours]
+    """Return, for each channel, what lights give subsamples: (subsamples, lights, p)."""
+    channels = [np.empty((len(subsamples), len(which), count), np.float32) for _ in shading.colours]
     for i, j in enumerate(which):
         for k, s in enumerate(subsamples):
             hits = slice(s * count, (s + 1) * count)
-            one_light(scene, shading, hits, directions[j, s], [c[i, k] for c in channels])
+            one_light(scene, shading, hits, directions[j, s], [c[k, i] for c in channels])
     return channels
 
 
@@ -167,7 +167,7 @@ def _render(scene: RayScene, shading: Shading, directions: Float, samples: int) 
     for m in range(len(directions)):
         lit = _lit(scene, shading, directions, np.array([m]), np.arange(samples), count)
         out[m] = sum(
-            np.einsum("sp,spc->pc", v[0], c) for v, c in zip(lit, colours, strict=True)
+            np.einsum("sp,spc->pc", v[:, 0], c) for v, c in zip(lit, colours, strict=True)
         ) / np.float32(samples)
     return out
 
@@ -181,15 +181,16 @@ def one_light(
     """
     rest = iter(channels)
     cosine = shading.normal[hits] @ towards
-    lit = np.flatnonzero(cosine > 0)
-    shadowed = scene.occluded(shading.front[hits][lit], towards[None], finite=True)
+    lit = (cosine > 0).nonzero()[0]
+    shadowed = scene.occluded(shading.front[hits].take(lit, axis=0), towards[None], finite=True)
     values = np.maximum(cosine, 0, out=next(rest))
     values[lit[shadowed]] = 0
     if shading.through is not None and shading.back is not None:
         values = np.maximum(-cosine, 0, out=next(rest))
         values[~shading.thin[hits]] = 0
-        behind = np.flatnonzero(values)
-        blocked = scene.occluded(shading.back[hits][behind], towards[None], finite=True)
+        behind = values.nonzero()[0]
+        origins = shading.back[hits].take(behind, axis=0)
+        blocked = scene.occluded(origins, towards[None], finite=True)
         values[behind[blocked]] = 0
     if shading.gloss is not None:
         values, free = next(rest), lit[~shadowed]

@@ -10,6 +10,7 @@ sphere.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,11 @@ class Hits:
     u: Float
     v: Float
     distance: Float
+
+    @cached_property
+    def weights(self) -> Float:
+        """Barycentric weights (n, 3) of the face's corners."""
+        return np.stack([1 - self.u - self.v, self.u, self.v], axis=1)
 
 
 class RayScene:
@@ -57,9 +63,12 @@ class RayScene:
         moved = (np.asarray(points, np.float64) - self.centre) * self.scale
         return np.ascontiguousarray(moved, np.float32)
 
-    def intersect(self, origins: Float, directions: Float) -> Hits:
-        """Find the first face along each ray; one direction (1, 3) may serve all origins."""
-        check_rays(origins, directions)
+    def intersect(self, origins: Float, directions: Float, *, finite: bool = False) -> Hits:
+        """Find the first face along each ray; one direction (1, 3) may serve all origins.
+
+        finite : the caller knows all values to be sound.
+        """
+        check_rays(origins, directions, finite=finite)
         found = self._scene.run(origins, directions, query="INTERSECT", output=True)
         return Hits(found["primID"], found["u"], found["v"], found["tfar"])
 
@@ -68,7 +77,7 @@ class RayScene:
     ) -> NDArray[np.bool_]:
         """Tell which rays meet anything; one direction (1, 3) may serve all origins.
 
-        finite : the caller knows the origins to be finite, such as hit points of this scene.
+        finite : the caller knows all values to be sound, such as hit points of this scene.
         """
         check_rays(origins, directions, finite=finite)
         blocked: NDArray[np.bool_] = self._scene.run(origins, directions, query="OCCLUDED") == 0
@@ -76,8 +85,7 @@ class RayScene:
 
     def points(self, hits: Hits) -> Float:
         """Return the hit points (n, 3) in unit space, from the corners: exact to a few ULP."""
-        a, b, c = (self.corners[hits.face, i] for i in range(3))
-        return np.asarray(a + hits.u[:, None] * (b - a) + hits.v[:, None] * (c - a))
+        return blend(hits.weights, self.corners.take(hits.face, axis=0))
 
     def normals(self) -> Float:
         """Return the unit geometric normals (m, 3), counter-clockwise faces looking outward."""
@@ -86,6 +94,11 @@ class RayScene:
         length = np.sqrt(np.einsum("ij,ij->i", normal, normal))[:, None]
         unit = np.divide(normal, length, where=length > 0, out=np.zeros_like(normal))
         return np.asarray(unit, np.float32)
+
+
+def blend(weights: Float, corners: Float) -> Float:
+    """Return the weighted sum (n, c) of what three corners have, (n, 3) and (n, 3, c)."""
+    return np.asarray(np.einsum("ni,nij->nj", weights, corners))
 
 
 def offset_origins(points: Float, normals: Float) -> Float:
@@ -124,7 +137,8 @@ def checked_mesh(
 
 
 def check_rays(origins: Float, directions: Float, *, finite: bool = False) -> None:
-    """Refuse ray arrays that Embree would misread: ValueError."""
+    """Refuse ray arrays that Embree would misread: ValueError. finite : values are known to be
+    sound; types and shapes, which Embree would read out of bounds, are checked all the same."""
     for name, array in (("origins", origins), ("directions", directions)):
         if array.dtype != np.float32 or array.ndim != 2 or array.shape[1] != 3:
             raise ValueError(
@@ -132,10 +146,11 @@ def check_rays(origins: Float, directions: Float, *, finite: bool = False) -> No
             )
     if len(directions) not in (1, len(origins)):
         raise ValueError(f"{len(directions)} directions do not fit {len(origins)} origins")
+    if finite:
+        return
     # A sum is finite only where every term is, and costs a tenth of testing each element
     with np.errstate(invalid="ignore"):
-        known = 0.0 if finite else float(origins.sum(dtype=np.float64))
-        total = known + float(directions.sum(dtype=np.float64))
+        total = float(origins.sum(dtype=np.float64)) + float(directions.sum(dtype=np.float64))
     if not np.isfinite(total):
         raise ValueError("rays must be finite")
     if not np.abs(directions).max(axis=1, initial=0.0).min(initial=1.0) > 1e-18:

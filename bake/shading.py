@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bake.rays import Hits, RayScene, offset_origins
+from bake.rays import Hits, RayScene, blend, offset_origins
 from formats.mesh import Mesh
 
 Float = NDArray[np.float32]
@@ -73,6 +73,8 @@ class Surface:
     def __init__(self, mesh: Mesh, scene: RayScene, transmission: float, gloss: float) -> None:
         self.mesh, self.scene, self.strength = mesh, scene, np.float32(gloss)
         self.geometric = scene.normals()
+        # Where each corner's tangent plane lies along its normal
+        self.planes = np.einsum("mij,mij->mi", mesh.normals, scene.corners)
         self.base = np.array([m.base_color for m in mesh.materials], np.float32).reshape(-1, 3)
         thin = np.array([m.double_sided for m in mesh.materials], bool)
         self.tau = np.where(thin, np.float32(transmission), np.float32(0))
@@ -84,17 +86,16 @@ class Surface:
         """Return the shading at hits (n,), seen along `to_viewer` (n, 3) or (1, 3)."""
         missed = hits.face < 0
         hits = Hits(np.where(missed, 0, hits.face), hits.u, hits.v, hits.distance)
-        geometric = self.geometric[hits.face]
-        side = np.where(
-            np.einsum("ij,ij->i", geometric, np.broadcast_to(to_viewer, geometric.shape)) < 0, -1, 1
-        )
-        geometric = geometric * side[:, None].astype(np.float32)
-        normal = self._normal(hits) * side[:, None].astype(np.float32)
-        below = np.einsum("ij,ij->i", normal, geometric) <= 0
-        normal[below] = geometric[below]
+        geometric = self.geometric.take(hits.face, axis=0)
+        towards = np.einsum("ij,ij->i", geometric, np.broadcast_to(to_viewer, geometric.shape))
+        side = np.where(towards < 0, np.float32(-1), np.float32(1))
+        geometric *= side[:, None]
+        corners = self.mesh.normals.take(hits.face, axis=0)
+        corners *= side[:, None, None]
+        normal = _unit_or(blend(hits.weights, corners), geometric)
         normal[missed] = 0
         points = self.scene.points(hits)
-        smooth = self._smooth_points(hits, points, side)
+        smooth = self._smooth_points(hits, points, corners, side)
         kind = self.mesh.material[hits.face]
         albedo, metallic, tau = (
             self.albedo(hits),
@@ -118,41 +119,38 @@ class Surface:
             alpha=self.alpha[kind],
         )
 
-    def _normal(self, hits: Hits) -> Float:
-        corners = self.mesh.normals[hits.face]
-        weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
-        normal = np.einsum("ni,nij->nj", weights, corners)
-        length = np.sqrt(np.einsum("ij,ij->i", normal, normal))[:, None]
-        flat = self.geometric[hits.face].copy()
-        return np.asarray(np.divide(normal, length, where=length > 1e-12, out=flat))
-
-    def _smooth_points(self, hits: Hits, points: Float, side: NDArray[np.int64]) -> Float:
+    def _smooth_points(self, hits: Hits, points: Float, corners: Float, side: Float) -> Float:
         """Lift points from their flat face to the smooth surface that its normals promise, so that
         the shadow's edge does not follow the facets (Hanika, *Hacking the Shadow Terminator*, Ray
-        Tracing Gems II 2021, ch. 4)."""
-        weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
-        lifted = points.copy()
-        for i in range(3):
-            normal = self.mesh.normals[hits.face, i] * side[:, None].astype(np.float32)
-            depth = np.einsum("nj,nj->n", points - self.scene.corners[hits.face, i], normal)
-            lifted -= (weights[:, i] * np.minimum(depth, 0))[:, None] * normal
-        return lifted
+        Tracing Gems II 2021, ch. 4). corners : (n, 3, 3) normals towards the viewer."""
+        planes = self.planes.take(hits.face, axis=0) * side[:, None]
+        depth = np.einsum("nij,nj->ni", corners, points) - planes
+        return points - blend(hits.weights * np.minimum(depth, 0), corners)
 
     def albedo(self, hits: Hits) -> Float:
         """Return base colour times texture times vertex colour at hits, (n, 3) linear."""
         kind = self.mesh.material[hits.face]
         albedo = self.base[kind]
         corners = self.mesh.faces[hits.face]
-        weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], axis=1)
         if self.mesh.colours is not None:
-            albedo = albedo * np.einsum("ni,nij->nj", weights, self.mesh.colours[corners])
+            albedo = albedo * blend(hits.weights, self.mesh.colours[corners])
         if self.mesh.uv is not None and any(m.texture is not None for m in self.mesh.materials):
-            uv = np.einsum("ni,nij->nj", weights, self.mesh.uv[corners])
+            uv = blend(hits.weights, self.mesh.uv[corners])
             for i, material in enumerate(self.mesh.materials):
                 chosen = np.flatnonzero(kind == i) if material.texture is not None else ()
                 if len(chosen) and material.texture is not None:
                     albedo[chosen] = albedo[chosen] * bilinear(material.texture, uv[chosen])
         return np.asarray(albedo, np.float32)
+
+
+def _unit_or(vectors: Float, geometric: Float) -> Float:
+    """Return vectors (n, 3) at unit length; the geometric normal where they have none or point to
+    the far side of it."""
+    length = np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+    vectors /= np.maximum(length, np.float32(1e-12))[:, None]
+    bad = (length <= 1e-12) | (np.einsum("ij,ij->i", vectors, geometric) <= 0)
+    vectors[bad] = geometric[bad]
+    return vectors
 
 
 def bilinear(texture: Float, uv: Float) -> Float:

@@ -30,17 +30,15 @@ def measure(setting: Setting) -> Answer:
     for name, mesh in setting.meshes("knot", "oak").items():
         for axis in ("view", "up"):
             rows += _rows(name, mesh, axis, setting)
-    worst = {
-        axis: min(float(r["gain_db"]) for r in rows if r["axis"] == axis) for axis in ("view", "up")
-    }
     loss = {
-        axis: max(float(r["own ring"]) - float(r["g^h"]) for r in rows if r["axis"] == axis)
-        for axis in worst
+        elevation: loss_at(rows, elevation) for elevation in sorted({elevation_of(r) for r in rows})
     }
+    near, far = (min((e for e in loss if e > RING + d), default=RING) for d in (0, 30))
+    gain = max(float(r["gain_db"]) for r in rows)
     return Answer(
         question="ring_models",
-        title=f"A sun off a ring at {RING:.0f} degrees costs up to {loss['view']:.0f} dB "
-        f"(axis view), {loss['up']:.0f} dB (axis up)",
+        title=f"A sun {near - RING:.0f} degrees off its ring costs up to {loss[near]:.0f} dB, "
+        f"{far - RING:.0f} degrees {loss[far]:.0f} dB; g^h gives back up to {gain:.1f} dB",
         truth="the sprite rendered under lights at that elevation",
         rows=rows,
         panels=[
@@ -61,8 +59,19 @@ def measure(setting: Setting) -> Answer:
             )
             for axis in ("view", "up")
         ],
-        figures={"largest_loss_db": loss, "least_gain_over_on_the_ring_db": worst},
+        figures={"largest_loss_db": loss, "largest_gain_of_g_db": gain},
     )
+
+
+def elevation_of(row: Row) -> float:
+    """Return the elevation of a row's lights, degrees."""
+    return float(row["elevation"])
+
+
+def loss_at(rows: list[Row], elevation: float) -> float:
+    """Return the most that g^h loses against a ring of that elevation, over all subjects, dB."""
+    here = [row for row in rows if elevation_of(row) == elevation]
+    return max(float(row["own ring"]) - float(row["g^h"]) for row in here)
 
 
 def _rows(name: str, mesh: Mesh, axis: str, setting: Setting) -> list[Row]:
