@@ -70,7 +70,7 @@ def billboard(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **
         "sun_diameter": "sun_diameter",
         "field_of_view": "perspective",
     }
-    turned: dict[str, Any] = {name: (radians(knobs[knob])) for name, knob in angles.items()}
+    turned: dict[str, Any] = {name: radians(knobs[knob]) for name, knob in angles.items()}
     names = {field.name for field in fields(stage.Params)} & set(knobs) - set(angles)
     trace = stage.Params(**{name: knobs[name] for name in names}, **turned)
     packing = {
@@ -103,7 +103,7 @@ def environment(
     from bake.store import Store
     from pipelines import output
 
-    params = stage.Params(width=width, rotate=(radians(rotate)))
+    params = stage.Params(width=width, rotate=radians(rotate))
     inputs = Source((source,), partial(stage.load, source))
     output.delivered(
         Store(build / "store").run(stage.resample, inputs, params=params), out, as_json
