@@ -211,11 +211,20 @@ def _says(folder: Path, text: str) -> bool:
 
 
 def keys_in_use(build_folder: Path) -> set[str]:
-    """Return the store keys that the scenes in build/scenes were baked from."""
+    """Return the store keys that the scenes in build/scenes were baked from, at every stage."""
     keys: set[str] = set()
     for manifest in (build_folder / "scenes").glob("*/manifest.json"):
         with suppress(OSError, ValueError, KeyError):
             keys |= set(json.loads(manifest.read_text())["keys"])
+    pending = list(keys)
+    while pending:
+        # An entry's recipe names the entries that it was made from
+        for path in (build_folder / "store").glob(f"*-{pending.pop()}/recipe.json"):
+            with suppress(OSError, ValueError, KeyError):
+                inputs = json.loads(path.read_text())["inputs"]
+                found = {each["entry"] for each in inputs if "entry" in each} - keys
+                keys |= found
+                pending += found
     return keys
 
 

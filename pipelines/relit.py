@@ -41,6 +41,10 @@ def parse_light(text: str) -> Light:
 
 def relight(folder: Path, lights: list[Light], *, view: int = 0) -> NDArray[np.float32]:
     """Return the premultiplied linear picture (h, w, 4) of a baked sprite, its border cut off."""
+    if (folder / "manifest.json").is_file():
+        raise InputError(
+            folder, "", "a whole scene", "name the folder of one sprite, in its assets/"
+        )
     board = Billboard.load(folder)
     if view >= board.views:
         raise InputError(folder, "--view", view, f"the sprite has {board.views}, counted from 0")
