@@ -43,8 +43,8 @@ def map_tiles(
 
     work: Sequence[Tile] = list(tiles)
     with threadpool_limits(limits=1), ThreadPoolExecutor(count()) as pool:
-        futures = [pool.submit(function, tile) for tile in work]
         try:
+            futures = [pool.submit(function, tile) for tile in work]
             # Take results in order: a wait over all of them, once interrupted, leaves them locked
             for ended, future in enumerate(futures, 1):
                 future.result()

@@ -83,4 +83,6 @@ def show(console: object, answer: answers.Answer) -> None:
 def _short(value: float | int | str) -> str:
     if not isinstance(value, float):
         return str(value)
-    return f"{value:.2f}" if value == 0 or 0.1 <= abs(value) < 1e4 else f"{value:.1e}"
+    if value == 0 or 0.1 <= abs(value) < 1e4:
+        return f"{value:.1f}" if abs(value) >= 10 else f"{value:.2f}"
+    return f"{value:.1e}"
