@@ -8,6 +8,7 @@ so that a clamped lookup fades out instead of smearing.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -35,7 +36,8 @@ class Filter:
 
 # Half-widths and c that the study `lens_by_mips` found best against a thin lens of 1,024 samples,
 # over blurs of 0 to 64 pixels and sprites of 64 to 1,024; the mean PSNR is beside them. The kaiser
-# leads at every size and every blur. The box is what drivers make (half-width 0.75: 38.8 dB).
+# leads at every size, and at every blur but in focus, where the box that drivers make is sharper
+# (34.3 against 33.2 dB).
 FILTERS = {
     "box": Filter(0.5, 0.56),  # 37.5 dB
     "disc": Filter(0.9, 0.43),  # 39.2 dB
@@ -193,18 +195,38 @@ def _kaiser(x: NDArray[np.float64], width: float) -> NDArray[np.float64]:
 
 def _filtered(fine: Float, kernel: Float, ratio: int) -> Float:
     """Correlate (layers, h, w, 4) with the kernel about the centres of the coarse texels."""
-    m, (_, h, w, _) = len(kernel) // 2, fine.shape
-    before = m - ratio // 2
-    padded = (
-        np.pad(fine, ((0, 0), (before, before), (before, before), (0, 0))) if before > 0 else fine
-    )
-    skip = max(0, -before)
-    out = np.zeros((len(fine), h // ratio, w // ratio, 4), np.float32)
-    for i, j in np.argwhere(kernel != 0):
-        rows = slice(skip + i, skip + i + (out.shape[1] - 1) * ratio + 1, ratio)
-        columns = slice(skip + j, skip + j + (out.shape[2] - 1) * ratio + 1, ratio)
-        out += kernel[i, j] * padded[:, rows, columns]
+    rows, columns = kernel.sum(axis=1), kernel.sum(axis=0)
+    if np.allclose(np.outer(rows, columns), kernel, rtol=0, atol=1e-7):
+        return _along(_along(fine, rows, ratio, 1), columns, ratio, 2)
+    out = np.zeros((len(fine), fine.shape[1] // ratio, fine.shape[2] // ratio, 4), np.float32)
+    for i, row in enumerate(_taps(fine, len(kernel), ratio, 1)):
+        for j, tap in enumerate(_taps(row, len(kernel), ratio, 2)):
+            if kernel[i, j] != 0:
+                out += kernel[i, j] * tap
     return out
+
+
+def _along(fine: Float, weights: Float, ratio: int, axis: int) -> Float:
+    """Correlate along one axis, where a kernel is the product of two."""
+    shape = list(fine.shape)
+    shape[axis] //= ratio
+    out = np.zeros(shape, np.float32)
+    for weight, tap in zip(weights, _taps(fine, len(weights), ratio, axis), strict=True):
+        out += weight * tap
+    return out
+
+
+def _taps(fine: Float, count: int, ratio: int, axis: int) -> Iterator[Float]:
+    """List, for each of `count` taps about the coarse centres, what it sees along an axis."""
+    before = count // 2 - ratio // 2
+    around = [(0, 0)] * fine.ndim
+    around[axis] = (max(before, 0),) * 2
+    padded = np.pad(fine, around)
+    first, last = max(-before, 0), (fine.shape[axis] // ratio - 1) * ratio + 1
+    for tap in range(first, first + count):
+        seen: list[slice] = [slice(None)] * fine.ndim
+        seen[axis] = slice(tap, tap + last, ratio)
+        yield padded[tuple(seen)]
 
 
 def _bordered(level: Float) -> Float:

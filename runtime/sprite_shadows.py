@@ -27,9 +27,11 @@ def shares(sets: list[Any], to_light: Array) -> list[Array]:
     sets : runtime.sprites.SpriteSet, those with `shadow` cast. to_light : (3,) unit.
     """
     level = float(np.hypot(to_light[0], to_light[2]))
-    if to_light[1] <= 0 or level < 1e-9:
+    if to_light[1] <= 0:
         return [np.ones(len(s.positions)) for s in sets]
-    towards, tangent = to_light[[0, 2]] / level, min(float(to_light[1] / level), STEEPEST)
+    # A sun straight above has no direction on the ground: any one will do
+    towards = to_light[[0, 2]] / level if level > 1e-6 else np.array([0.0, -1.0])
+    tangent = min(float(to_light[1] / max(level, 1e-6)), STEEPEST)
     positions = np.concatenate([np.empty((0, 3)), *(s.positions for s in sets)])
     heights = np.concatenate([np.empty(0), *(s.asset.height * s.scale for s in sets)])
     ends = np.cumsum([0] + [len(s.positions) for s in sets])

@@ -7,6 +7,12 @@ vec2 shadow_lookup(float along, float beside, float across, float tangent) {
     return vec2(beside < 0.0 ? -radius : radius, (along - across) * tangent);
 }
 
+// Weight, 1/2 to 1, of the side of the outline that shadow_lookup names; the other side has the rest.
+float shadow_side(float beside, float across) {
+    float radius = length(vec2(beside, across));
+    return radius > 0.0 ? 0.5 + 0.5 * abs(beside) / radius : 1.0;
+}
+
 // Width of the penumbra, metres, thrown from `height` by a sun of angular radius `radius`.
 float penumbra(float height, float tangent, float radius) {
     float sine = tangent * inversesqrt(1.0 + tangent * tangent);

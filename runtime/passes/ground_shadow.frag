@@ -27,6 +27,12 @@ flat in float layer;
 
 layout(location = 0) out vec4 reaches;
 
+// Coverage of the outline at metres (right, up) from the pivot.
+float coverage(vec2 offset, float level) {
+    vec2 uv = (pivot + vec2(offset.x * body.z, -offset.y) / body.y) / size;
+    return textureLod(planes, vec3(uv, layer), level).a;
+}
+
 void main() {
     // Slices of the body that stand between this spot and the sun, within its width and its height
     float low = max(-body.x, spot.x - extent.y / tangent);
@@ -47,9 +53,12 @@ void main() {
         float slice = first + float(i) * step;
         vec2 offset = shadow_lookup(spot.x, spot.y, slice, tangent);
         float soft = max(width, penumbra(offset.y, tangent, radius));
-        vec2 uv = (pivot + vec2(offset.x * body.z, -offset.y) / body.y) / size;
         float level = clamp(log2(soft / body.y), 0.0, coarsest);
-        hidden = max(hidden, textureLod(planes, vec3(uv, layer), level).a * alpha_scale);
+        float cover = coverage(offset, level);
+        // Turn from one side of the outline into the other across the axis, without a seam
+        float side = shadow_side(spot.y, slice);
+        if (side < 1.0) cover = mix(coverage(vec2(-offset.x, offset.y), level), cover, side);
+        hidden = max(hidden, cover * alpha_scale);
     }
     reaches = mix(vec4(1.0), vec4(1.0 - hidden), channel);
 }

@@ -236,6 +236,10 @@ def test_shadow_geometry(glsl, rng):
         [np.where(beside < 0, -1, 1) * np.hypot(beside, across), (along - across) * 0.7], 1
     )
     close(found, expected, ROUNDING)
+    side = glsl("shadow", "shadow_side(b, c)", inputs)
+    close(side, 0.5 + 0.5 * np.abs(beside) / np.hypot(beside, across), ROUNDING)
+    # On the body's own axis both sides are the same
+    assert glsl("shadow", "shadow_side(0.0 * b, 0.0 * c)", inputs).min() == 1
     # A sun of angular radius r blurs by 2 r times the length of the ray
     height = np.abs(along)
     tangent = np.abs(beside) + np.float32(0.1)

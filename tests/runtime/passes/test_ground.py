@@ -104,6 +104,24 @@ def test_a_shadow_of_a_ball_is_the_ellipse_of_a_ball(kit, shown):
     assert (128 - middle) / metre == pytest.approx(0.5 / tangent, abs=0.08)
 
 
+def test_a_lopsided_body_throws_a_shadow_without_a_seam(kit, shown):
+    # Half a ball: right of its axis there is nothing
+    asset = kit.sphere_asset(size=128)
+    for level in asset.levels:
+        level[..., level.shape[2] // 2 :, :] = np.where(np.arange(len(level)) == 0, 0, 128)[
+            :, None, None, None
+        ]
+    raw = shadow_scene(kit, [1, 1, 0])
+    picture = shown(raw, {"ball": asset}, size=(257, 257), environment=EVEN)[..., 0]
+    sun = picture[128, 10] - 0.1 * GREY["albedo"][0]
+    # Two rows off the ball's middle to either side the halves blend: half a metre is 21 rows, so
+    # four rows turn the sides by 4 / 21 of the way at most where the body is thickest
+    beyond = picture[:, 128 - 45 : 128 - 25]
+    jump = np.abs(beyond[126] - beyond[130]).max() / sun
+    assert np.ptp(beyond) > 0.4 * sun
+    assert jump < 4 / 21
+
+
 def test_at_noon_the_shadow_is_a_disc_under_the_ball(kit, shown):
     raw = shadow_scene(kit, [0, 1, 0])
     picture = shown(raw, {"ball": kit.sphere_asset(size=128)}, size=(257, 257), environment=EVEN)[
