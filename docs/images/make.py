@@ -1,7 +1,7 @@
-"""Render the README's pictures again: one view of the grove at four hours, and through a day.
+"""Render the README's pictures again: the grove at four hours and through a day, a tree relit.
 
 Run by `make images`; other hours may be given. Writes grove.webp (four panels, 1200 pixels wide,
-under 400 kB) and grove-day.webp (a loop of 72 frames, under 3 MB) beside this file.
+under 400 kB), grove-day.webp (a loop of 72 frames, under 3 MB) and relit.webp beside this file.
 """
 
 import subprocess
@@ -21,6 +21,37 @@ WIDTH, GAP, SHEET_BYTES = 1200, 8, 400_000
 # The loop lingers where the light changes: frames at which these hours of the day are reached
 FRAMES, REACHED, AT = 72, [0, 24, 36, 60, 72], [4.8, 9.0, 16.5, 20.6, 28.8]
 RATE, DAY_BYTES = 12, 3_000_000
+
+# One sprite, five lights: morning, noon, afternoon, evening, and two lamps of different colours
+TREE = "assets/meshes/oak.glb"
+LIGHTS = [
+    ["-1,0.25,0.45,7,4.2,1.9"],
+    ["-0.5,0.9,0.5,5,4.7,4.2"],
+    ["0.6,0.8,0.5,5,4.4,3.6"],
+    ["1,0.2,0.45,7.5,2.9,1.3"],
+    ["-1,0.1,0.5,0.5,1.2,3.6", "0.9,-0.5,0.5,5.2,2.2,0.6"],
+]
+BACKDROP = (20, 24, 34)
+
+
+def relit(folder: Path) -> Image.Image:
+    """Bake a tree once and show it under each of the lights, side by side."""
+    program = [sys.executable, "-m", "pipelines.cli"]
+    bake = ["billboard", TREE, "-o", f"{folder}/tree", "--resolution", "400", "--sky-fill", "0.03"]
+    subprocess.run([*program, *bake], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    width = WIDTH // len(LIGHTS)
+    trees = []
+    for i, lights in enumerate(LIGHTS):
+        flags = [f"--light={light}" for light in lights]
+        command = [*program, "relight", f"{folder}/tree", *flags, "--exposure", "1.3"]
+        command += ["-o", f"{folder}/{i}.png"]
+        subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+        with Image.open(folder / f"{i}.png") as opened:
+            trees.append(opened.resize((width, round(width * opened.height / opened.width))))
+    sheet = Image.new("RGB", (WIDTH, trees[0].height + 24), BACKDROP)
+    for i, tree in enumerate(trees):
+        sheet.paste(tree, (i * width, 12), tree)
+    return sheet
 
 
 def render(folder: Path, hours: list[float], size: str) -> list[Image.Image]:
@@ -64,8 +95,10 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         stills = render(Path(folder), hours, "1192x672")
         frames = render(Path(folder), [round(float(hour), 2) for hour in day], "480x270")
+        tree = relit(Path(folder))
     save([arrange(stills)], HERE / "grove.webp", SHEET_BYTES)
     save(frames, HERE / "grove-day.webp", DAY_BYTES)
+    save([tree], HERE / "relit.webp", SHEET_BYTES)
 
 
 if __name__ == "__main__":
