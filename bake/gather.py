@@ -4,8 +4,8 @@ Subsamples take turns: with N lights and S subsamples a texel, subsample s sees 
 j = -s (mod m), evenly spaced, so a texel casts N S / m shadow rays instead of N S. What the turns
 add to the signal repeats every N / m lights, at harmonics N / m and up, out of the way of the kept
 ones; so m is the largest common divisor of N and S that leaves N / m >= 4 H (at least 8). On a mesh
-of 70,000 faces, N = 64, S = 16, that is m = 8: an eighth of the rays for less than 0.01 dB of held-out
-error; crowns of leaves, whose subsamples differ most, pay 0.3 dB (study `shadow_rays`).
+of 70,000 faces, N = 64, S = 16, that is m = 8: an eighth of the rays for less than 0.01 dB of
+held-out error; crowns of leaves, whose subsamples differ most, pay 0.3 dB (study `shadow_rays`).
 """
 
 from __future__ import annotations

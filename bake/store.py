@@ -25,7 +25,7 @@ from bake.workers import Progress, silent
 from formats import seal
 from formats.errors import DamagedError, InputError, MachineError
 
-__all__ = ["Baked", "Entry", "Finding", "Source", "Store"]
+__all__ = ["Baked", "Entry", "Finding", "Source", "Store", "seconds_of"]
 
 LOCKS, SYNTAX = ".locks", ".syntax.json"
 REPORT, TIMINGS = "report.json", "timings.json"
@@ -94,11 +94,11 @@ class Store:
         key = recipe.key(contents)
         path = self.folder / f"{name}-{key}"
         if self._is_intact(path):
-            return Entry(path, key, True, _seconds(path))
+            return Entry(path, key, True, seconds_of(path))
         self._sweep()
         with self._lock(key, name):
             if self._is_intact(path, locked=True):
-                return Entry(path, key, True, _seconds(path))
+                return Entry(path, key, True, seconds_of(path))
             self._require_space(name)
             recipe.require_unedited(stage, inputs)
             assets = self._load(inputs, contents)
@@ -152,7 +152,7 @@ class Store:
         if params is not None:
             wanted = recipe.plain_params(stage, params)
             paths = [path for path in paths if _read_json(path / RECIPE).get("params") == wanted]
-        known = [(_mtime(path), _seconds(path)) for path in paths]
+        known = [(_mtime(path), seconds_of(path)) for path in paths]
         return [seconds for _, seconds in sorted(known) if seconds > 0]
 
     def _entries(self) -> list[Path]:
@@ -298,7 +298,8 @@ def _number(path: Path, field: str) -> float:
     return float(value) if isinstance(value, int | float) and value > 0 else 0.0
 
 
-def _seconds(path: Path) -> float:
+def seconds_of(path: Path) -> float:
+    """Return the seconds that baking an entry took, 0 where that is not known."""
     return _number(path, "seconds")
 
 

@@ -275,12 +275,11 @@ def _root(file: Path, root: str | Path | None) -> Path:
 def _check(scene: Scene, where: Where) -> None:
     """Refuse what only several fields together show to be wrong."""
     camera = scene.camera
-    times = np.union1d(camera.position.times, camera.target.times)
-    for t in times:
-        if np.linalg.norm(camera.position.at(t) - camera.target.at(t)) < 1e-6:
-            where.at("camera").at("target").refuse(
-                f"the camera's own position at {t:g} s", "look at another point"
-            )
+    met = _meeting(camera)
+    if met is not None:
+        where.at("camera").at("target").refuse(
+            f"the camera's own position near {met:.3g} s", "look at another point"
+        )
     if camera.lens and camera.lens.focus_distance.extremes[0] <= (
         longest := camera.focal_length_mm.extremes[1] / 1000
     ):
@@ -300,10 +299,29 @@ def _check(scene: Scene, where: Where) -> None:
         check(billboards, place)
 
 
+def _meeting(camera: Camera) -> float | None:
+    """A moment at which the camera passes through its target, None where it never does."""
+    times = np.union1d(camera.position.times, camera.target.times)
+    # Between two keys nothing jumps: join 64 moments of each gap, and its last, by straight lines
+    gaps = np.diff(times, append=times[-1] + 1.0)[:, None]
+    moments = times[:, None] + gaps * np.append(np.arange(64) / 64, 1 - 1e-9)
+    towards = _sampled(camera.target, moments) - _sampled(camera.position, moments)
+    start, step = towards[:, :-1], np.diff(towards, axis=1)
+    along = -(start * step).sum(axis=-1) / np.maximum((step * step).sum(axis=-1), 1e-30)
+    nearest = start + np.clip(along, 0, 1)[..., None] * step
+    close = np.linalg.norm(nearest, axis=-1) < 1e-6
+    return float(moments[:, :-1][close][0]) if close.any() else None
+
+
 def _nearest(keys: Keyed) -> float:
     """The least length that a keyed vector takes, at 64 moments between each two keys."""
     share = np.arange(64) / 64
     between = (keys.times[:-1, None] + np.diff(keys.times)[:, None] * share).ravel()
-    moments = np.append(between, keys.times[-1])
-    values = keyframes.sample(keys.times, keys.values, moments, keys.interpolation, keys.loop)
+    values = _sampled(keys, np.append(between, keys.times[-1]))
     return float(np.linalg.norm(values, axis=-1).min())
+
+
+def _sampled(keys: Keyed, moments: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(
+        keyframes.sample(keys.times, keys.values, moments, keys.interpolation, keys.loop)
+    )

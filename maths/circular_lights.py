@@ -23,6 +23,8 @@ from maths.transforms import latlong_direction, latlong_solid_angles, normalise
 
 Array = NDArray[np.float64]
 
+GRAZING = 0.1  # sine over the plane of a one-sided set under which a sun fades out
+
 # (right, left, along): components that make cos t, sin t and the cosine from the axis
 RING_AXES: dict[str, Callable[[Array], tuple[Array, Array, Array]]] = {
     "view": lambda d: (d[..., 0], d[..., 1], d[..., 2]),
@@ -112,10 +114,16 @@ def project_sun(
 
     direction : (..., 3) towards the light, sprite's frame.  irradiance : (..., 3) perpendicular to
     it. Others as `evaluate_direction`. Returns (..., K, 3).
+    A sun sets behind a one-sided set over the last `GRAZING` of z: a sprite that turns away from it
+    darkens within 6 degrees instead of going out from one frame to the next. Spheres and
+    environments do so by their own extent.
     """
     weights = evaluate_direction(
         direction, terms, axis=axis, elevation=elevation, one_sided=one_sided
     )
+    if one_sided:
+        z = normalise(direction)[..., 2]
+        weights = weights * np.clip(z / GRAZING, 0.0, 1.0)[..., None]
     return np.asarray(weights[..., :, None] * np.asarray(irradiance, np.float64)[..., None, :])
 
 

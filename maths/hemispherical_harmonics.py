@@ -118,29 +118,50 @@ def fit_each(
     bands: int,
     penalty: float,
     sample_weights: ArrayLike,
-) -> tuple[Array, Array]:
-    """Fit records that each have weights of their own: coefficients (R, K, C) and hats (R, N).
+) -> Array:
+    """Fit records that each have weights of their own: coefficients (R, K, C).
 
     The problem of `fit_weights` by its normal equations, all records at once. They square the
-    condition, so the penalty must be above 0; a pair that it leaves singular is refused.
+    condition, so the penalty must be above 0.
 
     samples : (R, N, C).  sample_weights : (R, N) > 0. Raises ValueError otherwise.
     """
-    x, w = np.asarray(samples, np.float64), np.asarray(sample_weights, np.float64)
+    x = np.asarray(samples, np.float64)
+    basis, w, normal = _normal_equations(directions, bands, penalty, sample_weights)
+    if x.ndim != 3 or x.shape[:2] != w.shape:
+        raise ValueError("Samples are (R, N, C), as many as there are weights.")
+    return np.asarray(np.linalg.solve(normal, np.matmul(basis.T, w[..., None] * x)), np.float64)
+
+
+def hats_each(
+    directions: ArrayLike, bands: int, penalty: float, sample_weights: ArrayLike
+) -> Array:
+    """Leverages (R, N) of the fits of `fit_each`: the share of a sample in its own fitted value.
+
+    A fit made without sample n would miss it by `residual / (1 - hat_n)`: no refitting.
+    """
+    basis, w, normal = _normal_equations(directions, bands, penalty, sample_weights)
+    share = np.matmul(basis, np.linalg.inv(normal))
+    return np.asarray(w * np.einsum("rnk,nk->rn", share, basis))
+
+
+def _normal_equations(
+    directions: ArrayLike, bands: int, penalty: float, sample_weights: ArrayLike
+) -> tuple[Array, Array, Array]:
+    """Basis (N, K), weights (R, N) of mean 1 and normal matrices (R, K, K)."""
     basis, _ = _checked(directions, bands, penalty, None)
+    w = np.asarray(sample_weights, np.float64)
     if not penalty > 0:
         raise ValueError("Records with weights of their own need a penalty above 0.")
-    if x.ndim != 3 or w.shape != x.shape[:2] or x.shape[1] != len(basis) or not np.all(w > 0):
-        raise ValueError("Samples are (R, N, C) with weights (R, N) above 0, N one a light.")
+    if w.ndim != 2 or w.shape[1] != len(basis) or not np.all((w > 0) & np.isfinite(w)):
+        raise ValueError("Weights of records are (R, N), finite and above 0, N one a light.")
     w = w / np.mean(w, axis=1, keepdims=True)
     K = bands * bands
     # The products of all pairs of functions make all normal matrices one product
     pairs = (basis[:, :, None] * basis[:, None, :]).reshape(len(basis), K * K)
-    normal = (w @ pairs).reshape(-1, K, K) + np.diag(penalty * len(basis) * penalties(bands))
-    inverse = np.linalg.inv(normal)
-    moments = np.matmul(basis.T, w[..., None] * x)
-    hats = w * np.einsum("rnk,nk->rn", np.matmul(basis, inverse), basis)
-    return np.matmul(inverse, moments), hats
+    normal = (w @ pairs).reshape(-1, K, K)
+    normal += np.diag(penalty * len(basis) * penalties(bands))
+    return basis, w, normal
 
 
 def _associated_legendre(z: Array, bands: int) -> dict[tuple[int, int], Array]:

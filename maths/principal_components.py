@@ -2,9 +2,9 @@
 
 Uncentred, because zero must stay zero: no light gives no radiance, and nothing filters to nothing.
 scikit-learn adds nothing here: its PCA always centres, and its TruncatedSVD iterates from random
-starts (ARPACK, or Halko's projections) for matrices too wide to factor. Records are many and short,
-so a QR factorisation a block and one small SVD give all singular values without the squared
-condition of a Gram matrix, and without the .75 s of that import; a test compares with it.
+starts (ARPACK, or Halko's projections) for matrices too wide to factor; a test compares with it.
+Records are many and short: the Gram matrix in double precision is one product, and where its
+squared condition would hide small directions, QR by blocks and one small SVD find them.
 
 References
 ----------
@@ -13,6 +13,7 @@ Demmel, Grigori, Hoemmen, Langou 2012, Communication-Optimal Parallel and Sequen
 Factorizations (QR of tall matrices by blocks).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,10 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-BLOCK = 8192  # rows; R of a block of 75 columns is under 1 % of it
+BLOCK = 8192  # rows
+# Largest over smallest singular value up to which a Gram matrix is trusted: it squares them, and
+# 1e5 leaves the smallest of them 6 digits
+TRUSTED = 1e5
 SLACK = 1.01  # of the least RMS residual that is possible
 
 
@@ -28,13 +32,13 @@ SLACK = 1.01  # of the least RMS residual that is possible
 class Components:
     """An orthonormal set of directions and the energy along them.
 
-    vectors : (count, p), rows orthonormal, those past the rank 0.  energies : (count,) squared
+    vectors : (count, p), rows orthonormal, those past the rank 0.  singular : (count,)
     singular values, falling.  rank : how many count.  residual : RMS over all n p entries of what
     the set leaves out.  optimum : the least that any set of that size could.  warnings : text.
     """
 
     vectors: Array
-    energies: Array
+    singular: Array
     rank: int
     residual: float
     optimum: float
@@ -44,10 +48,10 @@ class Components:
 def principal_components(records: ArrayLike, count: int) -> Components:
     """Find the `count` directions that keep most of the sum of squares of records (n, p).
 
-    Signs are fixed: the largest magnitude of a direction is positive, the first of equal ones. Where
-    the rank is lower than `count`, rows of zeros fill up, with a warning. Scores are
-    `records @ vectors.T`. Raises ValueError for other shapes and for values that are not finite, and
-    ArithmeticError should the residual exceed the optimum by more than a hundredth.
+    Signs are fixed: the largest magnitude of a direction is positive, the first of equal ones.
+    Where the rank is lower than `count`, rows of zeros fill up, with a warning. Scores are
+    `records @ vectors.T`. Raises ValueError for other shapes and for values that are not finite,
+    and ArithmeticError should the residual exceed the optimum by more than a hundredth.
     """
     x = np.asarray(records)
     if x.ndim != 2 or x.dtype.kind not in "fiu" or not x.size or count < 1:
@@ -63,13 +67,13 @@ def principal_components(records: ArrayLike, count: int) -> Components:
         zeros = Components(np.zeros((count, p)), np.zeros(count), 0, 0.0, 0.0, ("all zero",))
         return zeros
     # Scale to 1, so that squares neither overflow nor vanish
-    triangles = [np.linalg.qr(np.asarray(x[b], np.float64) / peak, mode="r") for b in blocks]
-    _, s, Vt = np.linalg.svd(np.linalg.qr(np.vstack(triangles), mode="r"), full_matrices=False)
+    scaled = (np.asarray(x[b], np.float64) / peak for b in blocks)
+    s, Vt = _by_gram(scaled, p) or _by_qr([np.asarray(x[b], np.float64) / peak for b in blocks])
     # Rounding of n p products of entries up to 1, not of the largest singular value
     rank = int(np.count_nonzero(s > np.finfo(np.float64).eps * max(n, p)))
     kept = min(count, rank)
-    vectors, energies = np.zeros((count, p)), np.zeros(count)
-    vectors[:kept], energies[:kept] = _signed(Vt[:kept]), np.square(s[:kept] * peak)
+    vectors, singular = np.zeros((count, p)), np.zeros(count)
+    vectors[:kept], singular[:kept] = _signed(Vt[:kept]), s[:kept] * peak
     left = sum(_left(np.asarray(x[b], np.float64) / peak, vectors[:kept]) for b in blocks)
     residual = peak * float(np.sqrt(left / (n * p)))
     optimum = peak * float(np.sqrt(np.sum(np.square(s[kept:])) / (n * p)))
@@ -77,7 +81,25 @@ def principal_components(records: ArrayLike, count: int) -> Components:
     if residual > SLACK * optimum + 1e-12 * peak:
         raise ArithmeticError(f"Components leave {residual:.3g} where {optimum:.3g} is possible.")
     short = (f"{rank} components hold everything: {count - rank} are zero",) if rank < count else ()
-    return Components(vectors, energies, rank, residual, optimum, short)
+    return Components(vectors, singular, rank, residual, optimum, short)
+
+
+def _by_gram(blocks: Iterator[Array], p: int) -> tuple[Array, Array] | None:
+    """Singular values and right vectors by the Gram matrix; None where it hides some of them."""
+    gram = np.zeros((p, p))
+    for block in blocks:
+        gram += block.T @ block
+    squares, vectors = np.linalg.eigh(gram)
+    if not squares[0] * TRUSTED**2 > squares[-1]:
+        return None
+    return np.sqrt(squares[::-1]), vectors.T[::-1]
+
+
+def _by_qr(blocks: list[Array]) -> tuple[Array, Array]:
+    """Singular values and right vectors of blocks of rows, to the rounding of the largest."""
+    R = np.linalg.qr(np.vstack([np.linalg.qr(block, mode="r") for block in blocks]), mode="r")
+    _, s, Vt = np.linalg.svd(R, full_matrices=False)
+    return s, Vt
 
 
 def _signed(vectors: Array) -> Array:

@@ -14,16 +14,16 @@ import numpy as np
 
 from bake import billboard, environment, mips, recipe, sources
 from bake.recipe import Baked, Entry, Source
-from bake.store import Store
+from bake.store import Store, seconds_of
 from formats import scene as scenes
 from formats import seal
 from formats.coefficients import Coefficients
 from formats.effects import largest_lod
-from formats.errors import DamagedError
+from formats.errors import DamagedError, InputError
 from formats.mesh import Mesh
 from formats.plan import Plan
 from formats.sprites import Billboards
-from pipelines.current import MANIFEST_FORMAT, digest
+from pipelines.current import MANIFEST_FORMAT, code, digest
 from pipelines.deliver import copy, publish
 from pipelines.plan import build
 
@@ -58,6 +58,8 @@ def bake_scene(
     Raises InputError, MachineError, DamagedError.
     """
     scene = scenes.load(path, root)
+    folder = build_folder / "scenes" / scene.name
+    _require_own(folder)
     store = Store(build_folder / "store")
     plan = build(scene)
     entries: dict[str, Entry] = {}
@@ -65,7 +67,6 @@ def bake_scene(
         if only in (None, kind):
             watch = None if on_progress is None else partial(on_progress, name)
             entries[name] = run(store, watch)
-    folder = build_folder / "scenes" / scene.name
     if only is None:
         _assemble(folder, scene, path, plan, entries)
     return SceneBake(folder, plan, entries)
@@ -112,13 +113,14 @@ def located(store: Store, stage: Callable[..., Any], *inputs: Any, params: Any) 
     contents = recipe.of(stage, inputs, params)
     key = recipe.key(contents)
     path = store.folder / f"{contents['stage']}-{key}"
-    timings = path / "timings.json"
-    seconds = json.loads(timings.read_text())["seconds"] if timings.is_file() else 0.0
-    return Entry(path, key, path.is_dir(), seconds)
+    return Entry(path, key, path.is_dir(), seconds_of(path))
 
 
 def known_seconds(scene: scenes.Scene, build_folder: Path) -> Callable[[str], float | None]:
     """Return a look-up of what baking an asset took when it was last baked as it is now."""
+    if not (build_folder / "store").is_dir():
+        # A look must not make folders
+        return lambda asset: None
     store = Store(build_folder / "store")
     groups = {group.name: group for group in scene.billboards}
 
@@ -183,6 +185,7 @@ def _assemble(
         "name": scene.name,
         "scene": scene.raw,
         "scene_sha256": digest(path),
+        "code": code(),
         "sources": _sources(scene),
         "plan": plan.as_dict(),
         "assets": assets,
@@ -199,6 +202,19 @@ def _assemble(
         seal.seal(temporary)
 
     publish(folder, fill)
+
+
+def _require_own(folder: Path) -> None:
+    """Refuse to replace what is no baked scene."""
+    try:
+        names = {entry.name for entry in folder.iterdir()}
+    except FileNotFoundError:
+        return
+    except OSError:
+        names = {"?"}
+    if not names & {"manifest.json", seal.NAME} and not names <= {"assets"}:
+        remedy = "move it away, or choose another folder with --build"
+        raise InputError(folder, "", "is not a baked scene", remedy)
 
 
 def _says(folder: Path, text: str) -> bool:

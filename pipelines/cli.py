@@ -91,7 +91,8 @@ def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool)
     "--time", "times", type=float, multiple=True, help="Seconds; several give several stills."
 )
 @click.option(
-    "--frames", help="A:B or A:B:STEP, frame numbers, B left out: a sequence, .gif, .webp, .mp4."
+    "--frames",
+    help="A:B or A:B:STEP, frame numbers from A to before B: a sequence, .gif, .webp, .mp4.",
 )
 @click.option("--profile", is_flag=True, help="Print milliseconds, programs, textures a pass.")
 @root_option
@@ -167,8 +168,21 @@ def run(arguments: list[str]) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return 0
+    except OSError as error:
+        return _say(*_refused(error))
+    except SystemExit:
+        # Only click and rich leave so, where the reader of a pipe is gone
+        return 0
     except MemoryError:
         return _say("not enough memory -- lower the resolution or the number of lights", 3)
+
+
+def _refused(error: OSError) -> tuple[str, int]:
+    """Return message and exit code for what the file system refused: bad path or bad machine."""
+    reason, file = error.strerror or str(error), error.filename or "output"
+    if isinstance(error, FileExistsError | NotADirectoryError | IsADirectoryError):
+        return f"{file}: {reason} -- name another file or folder", 2
+    return f"{file}: {reason} -- choose a place with room that can be written", 3
 
 
 def _say(message: str, code: int) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import importlib.util
 import json
 from pathlib import Path
 
@@ -29,15 +30,32 @@ def bake(path: Path, root: Path | None, build_folder: Path) -> None:
 
 
 def is_current(folder: Path, scene: Scene, path: Path) -> bool:
-    """Tell whether a scene's folder was baked from these bytes of scene file and sources."""
+    """Tell whether a folder was baked from these files: these bytes of scene and of sources."""
     try:
         manifest = json.loads((folder / "manifest.json").read_text())
         if manifest["format"] != MANIFEST_FORMAT or manifest["scene_sha256"] != digest(path):
             return False
+        if manifest["code"] != code():
+            return False
         sources: dict[str, str] = manifest["sources"]
+        # The same words may name other files under another root
+        if any(str(file.resolve()) not in sources for file in scene.sources.values()):
+            return False
         return all(digest(Path(file)) == known for file, known in sources.items())
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return False
+
+
+def code() -> str:
+    """Return the SHA-256 of the source that a bake runs, without importing it."""
+    found = hashlib.sha256()
+    for package in ("bake", "formats", "maths"):
+        spec = importlib.util.find_spec(package)
+        if spec is None or spec.origin is None:
+            continue
+        for file in sorted(Path(spec.origin).parent.rglob("*.py")):
+            found.update(file.name.encode() + b"\0" + file.read_bytes())
+    return found.hexdigest()
 
 
 def digest(path: Path) -> str:

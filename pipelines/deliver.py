@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from formats import seal
 from formats.errors import DamagedError, InputError, MachineError
+
+ATTEMPTS = 16
 
 
 def deliver(source: Path, target: Path) -> None:
@@ -39,15 +43,27 @@ def publish(target: Path, fill: Callable[[Path], None]) -> None:
             os.chmod(room, 0o755)
             (room / "new").mkdir()
             fill(room / "new")
-            if target.exists():
-                os.rename(target, room / "old")
-            os.rename(room / "new", target)
+            _replace(room, target)
         finally:
             shutil.rmtree(room, ignore_errors=True)
     except OSError as error:
         reason = error.strerror or str(error)
         remedy = "choose a folder with room that can be written"
         raise MachineError(target, "", reason, remedy) from error
+
+
+def _replace(room: Path, target: Path) -> None:
+    """Put `room`/new at `target`; what other processes put there meanwhile steps aside as well."""
+    for attempt in range(ATTEMPTS):
+        with suppress(FileNotFoundError):
+            os.rename(target, room / f"old-{attempt}")
+        try:
+            os.rename(room / "new", target)
+            return
+        except OSError as error:
+            taken = error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
+            if not taken or attempt == ATTEMPTS - 1:
+                raise
 
 
 def copy(source: Path, target: Path) -> None:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from formats import report, seal
 from formats.errors import InputError
+from formats.files.reading import MAX_JSON_BYTES, read_bytes, strict_json
 
 
 def inspect(path: Path) -> dict[str, Any]:
@@ -28,8 +28,8 @@ def inspect(path: Path) -> dict[str, Any]:
 
 def _folder(path: Path) -> dict[str, Any]:
     if (path / "manifest.json").is_file():
-        manifest = _json(path / "manifest.json")
         seal.verify(path)
+        manifest = _json(path / "manifest.json")
         called = [e["name"] for e in manifest["plan"]["effects"] if e["called"]]
         return {
             "kind": "scene",
@@ -48,11 +48,8 @@ def _folder(path: Path) -> dict[str, Any]:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    try:
-        data: dict[str, Any] = json.loads(path.read_text())
-        return data
-    except ValueError as error:
-        raise InputError(path, "", str(error), "this is not JSON; bake again") from error
+    data = strict_json(read_bytes(path, MAX_JSON_BYTES), path)
+    return data if isinstance(data, dict) else {"content": data}
 
 
 def _ktx2(path: Path) -> dict[str, Any]:

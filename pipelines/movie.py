@@ -19,7 +19,7 @@ def write(path: Path, frames: Iterable[Frame], rate: float, total: int) -> None:
     """Write frames (h, w, 3) at `rate` a second; the file appears whole or not at all."""
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
-        if path.suffix == ".mp4":
+        if path.suffix.lower() == ".mp4":
             _mp4(part, progress(frames, total), rate)
         else:
             _pillow(part, progress(frames, total), rate)
@@ -37,7 +37,7 @@ def _pillow(path: Path, frames: Iterable[Frame], rate: float) -> None:
 
     pictures = (Image.fromarray(frame) for frame in frames)
     first = next(pictures)
-    options = {"quality": 80, "method": 4} if path.suffix == ".webp" else {"optimize": True}
+    options = {"quality": 80, "method": 4} if path.suffix.lower() == ".webp" else {"optimize": True}
     first.save(
         path, save_all=True, append_images=pictures, duration=round(1000 / rate), loop=0, **options
     )

@@ -101,7 +101,7 @@ def delivered(entry: Entry, out: Path, as_json: bool) -> None:
     if as_json:
         dump({"folder": str(out), "hit": entry.hit, "seconds": entry.seconds, "quality": quality})
         return
-    for name in ("held_out_psnr", "loss_packing_db", "loss_bits_db"):
+    for name in ("held_out_psnr", "loss_packing_db", "loss_channels_db", "loss_bits_db"):
         if name in quality:
             click.echo(f"{name.replace('_', ' ')}: {quality[name]:.2f}")
     for note in quality.get("notes", []):

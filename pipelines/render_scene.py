@@ -14,10 +14,12 @@ from numpy.typing import NDArray
 
 from formats import scene as scenes
 from formats.errors import DamagedError, InputError
+from formats.schema import MAX_SECONDS
 from pipelines import current
 
 MAX_SIDE = 16384
 MOVIES = (".gif", ".webp", ".mp4")
+MAX_FRAMES = 1_000_000
 
 
 @dataclass
@@ -44,6 +46,9 @@ def render_scene(
     picture a time or frame.
     """
     width, height = parse_size(size)
+    if out.suffix.lower() not in ("", ".png", ".exr", *MOVIES):
+        remedy = "write .png, .exr, .gif, .webp, .mp4 or a folder"
+        raise InputError("command line", "--output", str(out), remedy)
     scene = scenes.load(path, root)
     wanted = _moments(scene, times, frames, out)
     player = _player(path, scene, root, build_folder, (width, height))
@@ -101,24 +106,43 @@ def _moments(
     if frames is not None and times:
         raise InputError("command line", "--frames", frames, "give either --frames or --time")
     if frames is None:
-        chosen = times or (0.0,)
+        chosen = tuple(dict.fromkeys(times)) or (0.0,)
         for time in chosen:
-            if not np.isfinite(time):
-                raise InputError("command line", "--time", time, "give seconds")
+            if not abs(time) <= MAX_SECONDS:
+                remedy = f"give seconds, at most {MAX_SECONDS:.0f}"
+                raise InputError("command line", "--time", time, remedy)
         if len(chosen) > 1 and out.suffix:
             raise InputError(
                 "command line", "--output", str(out), "name a folder for several times"
             )
-        if out.suffix in MOVIES:
+        if out.suffix.lower() in MOVIES:
             raise InputError("command line", "--output", str(out), "a movie needs --frames A:B")
-        return [(f"{scene.name}-{time:06.2f}", time) for time in chosen]
-    match = re.fullmatch(r"(\d+):(\d+)(?::(\d+))?", frames)
+        return [
+            (f"{scene.name}-{stamp}", time)
+            for stamp, time in zip(_stamps(chosen), chosen, strict=True)
+        ]
+    match = re.fullmatch(r"(\d{1,12}):(\d{1,12})(?::(\d{1,12}))?", frames)
     first, last, step = (int(n or 1) for n in match.groups()) if match else (0, 0, 0)
     if not (last > first and step):
         remedy = "write A:B or A:B:STEP with A < B, such as 0:48"
         raise InputError("command line", "--frames", frames, remedy)
+    if len(range(first, last, step)) > MAX_FRAMES:
+        raise InputError("command line", "--frames", frames, f"ask for at most {MAX_FRAMES:,}")
     rate = scene.time.frame_rate
     return [(f"{scene.name}-{n:05d}", n / rate) for n in range(first, last, step)]
+
+
+def _stamps(times: tuple[float, ...]) -> list[str]:
+    """Write times with as many decimals, two at least, as tell them all apart.
+
+    >>> _stamps((0.5, 12.0))
+    ['000.50', '012.00']
+    """
+    for decimals in range(2, 17):
+        stamps = [f"{time:0{decimals + 4}.{decimals}f}" for time in times]
+        if len(set(stamps)) == len(times):
+            break
+    return stamps
 
 
 def _write(
@@ -126,18 +150,17 @@ def _write(
 ) -> None:
     from formats.files import image
 
-    if out.suffix in MOVIES:
+    if out.suffix.lower() in MOVIES:
         from pipelines import movie
 
         out.parent.mkdir(parents=True, exist_ok=True)
+        if len(wanted) > 1:
+            # Every second frame shown at half the rate lasts as long as all of them
+            rate = 1.0 / (wanted[1][1] - wanted[0][1])
         movie.write(out, (player.frame(time)[..., :3] for _, time in wanted), rate, len(wanted))
         job.files.append(out)
         return
     suffix = out.suffix.lower()
-    if suffix not in ("", ".png", ".exr"):
-        raise InputError(
-            "command line", "--output", str(out), "write .png, .exr, .gif, .webp, .mp4 or a folder"
-        )
     single = bool(suffix) and len(wanted) == 1
     for name, time in wanted:
         target = (

@@ -19,7 +19,9 @@ folder_out = click.option(
 
 def add_to(group: click.Group) -> None:
     """Hang these commands under the program."""
-    for command in (billboard, environment, relight, inspect, store):
+    from pipelines.photographs import photographs
+
+    for command in (billboard, environment, photographs, relight, inspect, store):
         group.add_command(command)
 
 
@@ -167,7 +169,7 @@ def verify(build: Path, as_json: bool) -> None:
     from formats.errors import DamagedError
     from pipelines import output
 
-    findings = Store(build / "store").verify()
+    findings = Store(_existing(build)).verify()
     output.found(findings, as_json)
     if findings:
         remedy = "bake again: damaged entries are set aside and replaced"
@@ -184,8 +186,19 @@ def gc(build: Path, dry_run: bool, as_json: bool) -> None:
     from pipelines import output
     from pipelines.bake_scene import keys_in_use
 
-    removed = Store(build / "store").gc(keys_in_use(build), dry_run=dry_run)
+    removed = Store(_existing(build)).gc(keys_in_use(build), dry_run=dry_run)
     output.removed(removed, dry_run, as_json)
+
+
+def _existing(build: Path) -> Path:
+    """Return the store of a build folder; a look must not make one."""
+    if not (build / "store").is_dir():
+        from formats.errors import InputError
+
+        raise InputError(
+            build / "store", "", "no such folder", "name the build folder with --build"
+        )
+    return build / "store"
 
 
 __all__ = ["BUILD", "add_to"]

@@ -9,6 +9,8 @@ from typing import Any
 
 import moderngl
 
+from formats.errors import MachineError
+
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
 
 
@@ -56,8 +58,13 @@ class Frame:
         """Return the framebuffer that writes a named colour target, with or without depth."""
         key = (colour, depth)
         if key not in self._buffers:
-            attachment = self.texture(depth) if depth else None
-            self._buffers[key] = self.ctx.framebuffer([self.texture(colour, **kind)], attachment)
+            try:
+                attachment = self.texture(depth) if depth else None
+                made = self.ctx.framebuffer([self.texture(colour, **kind)], attachment)
+            except moderngl.Error as error:
+                asked = "{}x{} pixels".format(*self.size)
+                raise MachineError("OpenGL", colour, asked, "ask for a smaller picture") from error
+            self._buffers[key] = made
         return self._buffers[key]
 
     # counters

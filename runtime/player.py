@@ -139,13 +139,17 @@ class Player:
     # what passes ask for
 
     def folders(self, kind: str) -> dict[str, Path]:
-        """Return name -> folder of the scene's assets of one kind."""
+        """Return name -> folder of the scene's assets of one kind; DamagedError if one is gone."""
         prefix = f"{kind}/"
-        return {
+        found = {
             name.removeprefix(prefix): self.folder / where
             for name, where in self._assets.items()
             if name.startswith(prefix)
         }
+        for folder in found.values():
+            if not folder.is_dir():
+                raise DamagedError(folder, "", "missing", "bake the scene again")
+        return found
 
     def vertex_array(self, program: Any, content: Any = ()) -> Any:
         """Return a vertex array that `close` frees; without content the shader counts vertices."""

@@ -18,6 +18,7 @@ QUESTIONS = (
     "packing",
     "shadow_rays",
     "ring_models",
+    "dome",
 )
 
 

@@ -248,6 +248,25 @@ def test_the_sun_may_swing_past_zero_but_not_through_it(raw: dict[str, Any]) -> 
     assert np.allclose(lengths, 1.0, rtol=0, atol=4 * np.finfo(float).eps)
 
 
+@pytest.mark.parametrize(
+    ("interpolation", "refused"), [("linear", True), ("smooth", True), ("step", False)]
+)
+def test_the_camera_may_not_fly_through_its_target(
+    raw: dict[str, Any], interpolation: str, refused: bool
+) -> None:
+    # It meets the target at a third of the way: between any two moments that a grid would look at
+    values = [[0, 1, 2], [0, 1, -4]]
+    position = {"times": [0, 7], "values": values, "interpolation": interpolation}
+    raw["camera"] |= {"position": position, "target": [0, 1, 0]}
+    if refused:
+        with pytest.raises(InputError, match=r"camera\.target.*own position near"):
+            scene.from_dict(raw, where="a.toml", root=None)
+    else:
+        scene.from_dict(raw, where="a.toml", root=None)
+    raw["camera"]["target"] = [0, 1.01, 0]
+    scene.from_dict(raw, where="a.toml", root=None)
+
+
 def test_written_places_are_kept(file: Path) -> None:
     oak = scene.load(file).billboards[0].instances()
     assert oak.positions.tolist() == [[-2, 0, -1], [2, 0, -2]]

@@ -72,6 +72,14 @@ def test_a_set_without_shadow_hides_nothing(sets):
     assert sprite_shadows.shares(pair, EAST)[1] == 1.0
 
 
+def test_a_sun_straight_above_shades_like_one_a_hair_beside_it(sets):
+    pair = sets(([[0, 1.0, 0]], 4.0, {}), ([[0.3, 0, 0.2]], 0.3, {}))
+    above = sprite_shadows.shares(pair, np.array([0.0, 1.0, 0.0]))
+    beside = sprite_shadows.shares(pair, transforms.normalise([0.0, 1.0, -1e-4]))
+    assert above[1] < 0.1
+    assert above[1] == pytest.approx(beside[1], abs=1e-9)
+
+
 @pytest.mark.parametrize("direction", [[0, 1, 0], [1, -0.2, 0]])
 def test_straight_above_and_below_the_horizon_nothing_is_thrown(sets, direction):
     pair = sets(([[0, 0, 0]], 4.0, {}), ([[-4, 0, 0]], 0.4, {}))
