@@ -66,8 +66,8 @@ def measure(setting: Setting) -> Answer:
 
 
 def subject(setting: Setting, space: Space) -> Photographs:
-    """Return the user's photographs, or 49 pictures of the glossy ball."""
-    if setting.source is not None:
+    """Return the user's photographs (.lp), or 49 pictures of the glossy ball."""
+    if setting.source is not None and setting.source.suffix.lower() == ".lp":
         return photographs.load(setting.source, space=space)
     directions = glossy_ball.lights(49)
     pictures = glossy_ball.ball(directions, setting.pick(16, 128))

@@ -41,9 +41,9 @@ class Setting:
     def meshes(self, *names: str) -> dict[str, Mesh]:
         """Return subjects by name: "knot", or files of assets/meshes.
 
-        The user's own replaces all; a quick run keeps the first.
+        The user's own mesh replaces all; a quick run keeps the first.
         """
-        if self.source is not None:
+        if self.source is not None and self.source.suffix.lower() != ".lp":
             return {self.source.stem: _loaded(self.source)}
         return {name: named(name) for name in (names[:1] if self.quick else names)}
 
