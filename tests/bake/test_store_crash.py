@@ -168,7 +168,7 @@ def test_kill_9_at_random_points_leaves_no_half_written_name(bench: Path) -> Non
         assert {path.read_bytes() for path in blobs} == {bytes([number % 256]) * 20_000}
     # The kills did hit bakes half way, and bakes did end in between
     assert len(leftovers(bench)) > 4
-    assert len(entries) > 10
+    assert len(entries) > 4
     # A day later the next bake sweeps what they left
     for path in leftovers(bench):
         os.utime(path, (0, 0))

@@ -261,10 +261,14 @@ def test_a_closed_pipe_is_no_mistake(assets: Path) -> None:
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
 def test_output_that_has_no_room_is_one_line(assets: Path) -> None:
     command = [sys.executable, "-m", "pipelines.cli", "plan", str(assets / "scenes/plain.toml")]
-    with open("/dev/full", "w") as full:
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
-    assert done.returncode == 3
-    assert done.stderr.count("\n") == 1
+    for unbuffered in ("", "1"):
+        changed = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+        with open("/dev/full", "w") as full:
+            done = subprocess.run(
+                command, stdout=full, stderr=subprocess.PIPE, text=True, env=changed
+            )
+        assert done.returncode == 3
+        assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("text", ["[1]", '"x"', "{}"])
