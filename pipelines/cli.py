@@ -162,7 +162,8 @@ def _flushed(code: int) -> int:
     except BrokenPipeError:
         pass
     except OSError as error:
-        code = _say(*_refused(error))
+        # A command that met it itself has said so
+        code = code or _say(*_refused(error))
     # Leaving would flush, and fail, again
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
