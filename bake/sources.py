@@ -87,12 +87,13 @@ def load(path: Path) -> Mesh:
         import trimesh
     try:
         scene = trimesh.load_scene(path, resolver=_resolver(path), process=False)
+        placed = _placed(scene)
     except Exception as error:
         reason = f"{type(error).__name__}: {error}"[:160]
         remedy = "this mesh cannot be read; export it again as GLB"
         raise InputError(path, "", reason, remedy) from error
     reader = materials.Reader(linear=path.suffix.lower() in (".glb", ".gltf"))
-    parts = [_part(*item, path, reader) for item in _placed(scene)]
+    parts = [_part(*item, path, reader) for item in placed]
     parts = [part for part in parts if len(part.faces)]
     if not parts:
         raise InputError(path, "faces", 0, "the file holds no triangles; export a mesh with faces")
