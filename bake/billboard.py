@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bake import workers
 from bake.gather import Gathered, Lights, gather, turns_of
 from bake.rays import Hits, RayScene
-from bake.shading import Surface
+from bake.shading import Shading, Surface
 from formats.billboard import Ring
 from formats.coefficients import Coefficients
 from formats.errors import InputError
@@ -178,25 +178,36 @@ def lights_of(params: Params) -> Lights:
     fit = circular_harmonics.fit_weights(angles, params.terms)
     # Held-out lights sit at golden-ratio steps, at no simple fraction of the ring's own spacing
     held = np.asarray(2 * np.pi * ((np.arange(params.held_out) + 0.5) * GOLDEN % 1), np.float64)
-    disc = uniform_cone(_pattern(params.samples), params.sun_diameter / 2)
 
     def about(azimuths: NDArray[np.float64]) -> NDArray[np.float64]:
         towards = circular_harmonics.ring_direction(azimuths, params.axis, params.elevation)
-        return np.array([_about(d, disc) for d in towards]).reshape(-1, params.samples, 3)
+        return suns(towards, params.samples, params.sun_diameter)
 
-    count = -(-32 // params.samples) if params.sky_fill > 0 else 0
-    # Subsample s takes every S-th direction, so that each sees all of the sky
-    sky = _sky(count * params.samples).reshape(count, params.samples, 3)
+    sky, share = sky_of(params.samples, params.sky_fill)
     return Lights(
         ring=about(angles),
         matrix=np.asarray(fit.matrix, np.float64),
         fit=fit,
         sky=sky,
-        sky_share=params.sky_fill * 2 / max(count, 1) * float(np.sqrt(2 * np.pi)),
+        sky_share=share * float(np.sqrt(2 * np.pi)),
         held=about(held),
         held_angles=held,
         turns=turns_of(params.lights, params.samples, params.terms, params.lights_per_sample),
     )
+
+
+def suns(towards: NDArray[np.float64], samples: int, diameter: float) -> NDArray[np.float64]:
+    """Return directions (N, S, 3), those of each subsample spread over discs about (N, 3)."""
+    disc = uniform_cone(_pattern(samples), diameter / 2)
+    return np.array([_about(d, disc) for d in towards]).reshape(-1, samples, 3)
+
+
+def sky_of(samples: int, fill: float) -> tuple[NDArray[np.float64], float]:
+    """Return directions (Q, S, 3) of an even sky of irradiance `fill`, and what each adds."""
+    count = -(-32 // samples) if fill > 0 else 0
+    # Subsample s takes every S-th direction, so that each sees all of the sky
+    sky = _sky(count * samples).reshape(count, samples, 3)
+    return sky, fill * 2 / max(count, 1)
 
 
 def _sky(count: int) -> NDArray[np.float64]:
@@ -236,6 +247,22 @@ class Tile:
 def _tile(
     surface: Surface, frame: Frame, lights: Lights, params: Params, span: tuple[int, int, int]
 ) -> Tile | None:
+    view, turn = span[0], world_from_sprite(span[0], params.views)
+    seen = seen_texels(surface, frame, params, span)
+    if seen is None:
+        return None
+    texels, alpha, shading = seen
+    row, column = np.divmod(texels, frame.width)
+    chosen = np.flatnonzero((column + 3 * row) % 8 == 0) if view == 0 else np.zeros(0, np.int64)
+    gathered = gather(surface.scene, shading, lights, turn, params.samples, chosen)
+    return Tile(view, texels, alpha, gathered, texels[chosen])
+
+
+def seen_texels(
+    surface: Surface, frame: Frame, params: Params, span: tuple[int, int, int]
+) -> tuple[NDArray[np.int64], Float, Shading] | None:
+    """Return texels (p,) that see the mesh, their coverage and the shading of all subsamples (S p,)
+    of a span (view, first texel, end); None where there is none."""
     view, start, stop = span
     turn = world_from_sprite(view, params.views)
     hits, viewer = _camera_hits(surface.scene, frame, params, turn, start, stop)
@@ -246,12 +273,7 @@ def _tile(
     hits = Hits(*(getattr(hits, name)[:, seen].ravel() for name in ("face", "u", "v", "distance")))
     if len(viewer) > 1:
         viewer = viewer.reshape(params.samples, -1, 3)[:, seen].reshape(-1, 3)
-    texels = start + seen
-    row, column = np.divmod(texels, frame.width)
-    chosen = np.flatnonzero((column + 3 * row) % 8 == 0) if view == 0 else np.zeros(0, np.int64)
-    shading = surface.at(hits, np.ascontiguousarray(viewer))
-    gathered = gather(surface.scene, shading, lights, turn, params.samples, chosen)
-    return Tile(view, texels, alpha, gathered, texels[chosen])
+    return start + seen, alpha, surface.at(hits, np.ascontiguousarray(viewer))
 
 
 def _camera_hits(

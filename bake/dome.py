@@ -1,217 +1,279 @@
-"""Photographs under a dome of lights become sixteen channels, relit by sixteen constants.
+"""Pictures under a dome of lights become sixteen numbers a pixel, relit by sixteen constants.
 
-Each pixel is fitted with smooth hemispherical harmonics, and all pixels' series are brought down to
-the few colours that keep most of their energy. Beside its own error at lights that it has not seen,
-the report tells that of a polynomial texture map (18 numbers a pixel) and of plain hemispherical
-harmonics of 3 bands (27), made from the same photographs.
+Some thousand pixels are fitted with smooth hemispherical harmonics; the few colours that keep most
+of their series' energy become the channels, and every pixel is fitted with these, then brought to
+mip levels and codes. Where the pictures have coverage, they are premultiplied, and pixels without
+any have no say. What the report tells is in bake/dome_report.py.
 
 References
 ----------
-Malzbender, Gelb, Wolters 2001, Polynomial Texture Maps.
 Ponchio, Corsini, Scopigno 2018, A Compact Representation of Relightable Images for the Web (PCA).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import dome_knobs, workers
+from bake import dome_knobs, dome_report, dome_solve, mips, workers
 from bake.dome_knobs import Knobs
 from bake.photographs import Photographs
-from formats.dome import Dome, coded
+from formats import dome as kind
+from formats.dome import Dome
 from formats.errors import InputError
 from maths import hemispherical_harmonics as harmonics
-from maths.principal_components import Components, principal_components
+from maths.principal_components import principal_components
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
+Indices = NDArray[np.int64]
 
-TILE = 4096  # pixels
+TILE = 2048  # pixels
+WEIGHTED_TILE = 256  # pixels that have a normal matrix each
 SAMPLE = 1024  # pixels that choose the knobs
-FITTED_SAMPLE = 1 << 18  # pixels and lights on which steps are compared where none is held out
-HSH_BANDS = 3
+LEARNT = 1 << 14  # pixels that choose the channels
+# Fits with weights are dear, and channels of so many pixels are as good to .003 dB
+WEIGHTED_LEARNT = 1 << 12
+DARKEST = 0.05  # of the usual size of a pixel's series, below which darker ones count no more
 FEWEST_LIGHTS = 6  # a polynomial texture map has as many unknowns a colour
+SAME = 1e-3  # radians: two lights that near are one, for the count
 
 
 @dataclass(frozen=True)
 class Params:
     """Knobs. held_out : indices of photographs that no fit sees. bands, penalty : of the harmonics,
-    0 chooses by held-out error inside the other photographs. channels : kept, four a plane."""
+    0 chooses by held-out error inside the other photographs. channels : numbers a pixel, four a
+    plane, coverage among them. coverage : keep one, in alpha; pictures that have one always do.
+    filter, max_lod : of the mip levels, as in bake.mips; without coverage, max_lod 0 makes one
+    level without a border."""
 
     held_out: tuple[int, ...] = ()
     bands: int = 0
     penalty: float = 0.0
     channels: int = 16
+    coverage: bool = False
+    filter: str = "kaiser"
+    max_lod: float = 0.0
 
-    def check(self, lights: int) -> None:
-        """Raise InputError for the first knob that is out of its range."""
-        ranges = {"bands": (0, 8), "channels": (1, 64), "penalty": (0, 100)}
+    def check(self, directions: Array) -> None:
+        """Raise InputError for the first knob out of its range, and for too few lights."""
+        ranges = {"bands": (0, 8), "channels": (2, 64), "penalty": (0, 100)}
         for name, (low, high) in ranges.items():
             value = getattr(self, name)
             if not low <= value <= high:
                 raise InputError("dome", name, value, f"choose from {low} to {high}")
+        mips.Params(filter=self.filter, max_lod=self.max_lod).check()
+        lights = len(directions)
         if not all(0 <= n < lights for n in self.held_out):
             raise InputError("dome", "held_out", list(self.held_out), f"there are {lights} lights")
-        left = lights - len(set(self.held_out))
+        left = distinct(np.delete(directions, sorted(set(self.held_out)), axis=0))
         if left < FEWEST_LIGHTS:
-            remedy = f"a dome needs {FEWEST_LIGHTS} or more to fit"
+            remedy = f"a dome needs {FEWEST_LIGHTS} or more, in different places, to fit"
             raise InputError("dome", "lights", left, remedy)
+
+
+def distinct(directions: Array) -> int:
+    """Return how many of the unit directions (n, 3) stand apart from all before them."""
+    near = directions @ directions.T > np.cos(SAME)
+    return int(np.count_nonzero(~np.tril(near, -1).any(axis=1)))
 
 
 def fit(
     photographs: Photographs, *, params: Params, progress: workers.Progress = workers.silent
 ) -> Dome:
-    """Fit, compress and quantise. InputError for knobs out of range and too few photographs."""
+    """Fit, compress and quantise. InputError for knobs out of range, broken arrays and too few
+    photographs."""
+    photographs = photographs.checked("dome")
     lights = photographs.directions
-    params.check(len(lights))
+    params.check(lights)
     held = np.array(sorted(set(params.held_out)), np.int64)
     train = np.setdiff1d(np.arange(len(lights)), held)
-    samples = sample_of(photographs.pictures, train)
+    covered = covered_of(photographs)
+    samples = sample_of(photographs.pictures, train, covered)
     knobs = dome_knobs.choose(
         samples, lights[train], photographs.space, params.bands, params.penalty
     )
-    C = series_of(photographs, train, knobs, progress)
-    flat = C.reshape(len(C), -1)
-    components = principal_components(flat, params.channels)
-    scores = flat @ components.vectors.T.astype(np.float32)
-    codes, scales = coded(scores.reshape(*photographs.pictures.shape[1:3], -1))
+    some = spread(photographs, covered, WEIGHTED_LEARNT if knobs.exponent else LEARNT)
+    C = series_of(photographs, train, knobs, some)
+    learnt = for_channels(C.reshape(len(C), -1), photographs.space)
+    components = principal_components(learnt, params.channels)
     vectors = components.vectors.reshape(params.channels, -1, 3)
-    dome = Dome(codes, scales, vectors, photographs.space)
-    quality = described(photographs, train, knobs, components, samples)
-    quality |= losses(photographs, held, C, scores, dome)
-    if len(held):
-        quality |= beside(photographs, train, held)
-    return replace(dome, quality=quality)
+    count = params.channels - (params.coverage or covered is not None)
+    pixels = np.arange(photographs.pictures[0].size // 3) if covered is None else covered
+    scores = scores_of(photographs, train, knobs, vectors[:count], pixels, progress)
+    asset = packed(photographs, scores, vectors[:count], covered, params)
+    fitted = dome_report.Fitted(photographs, train, held, covered, knobs, components)
+    kept = scores[some if covered is None else np.searchsorted(covered, some)]
+    # With coverage, one channel more tells what it costs
+    wide = kept if count == len(vectors) else scores_of(photographs, train, knobs, vectors, some)
+    losses = dome_report.losses(fitted, asset, some, (C, wide, kept))
+    quality = dome_report.quality_of(fitted, asset, samples)
+    return replace(asset, quality=quality | losses | asset.quality)
 
 
-def sample_of(pictures: Float, train: NDArray[np.int64]) -> Array:
-    """Return some pixels (pixels, N, 3), evenly spread by the golden ratio."""
+def for_channels(series: Float, space: str) -> Array:
+    """Return the series (n, values) of pixels as they count for the choice of channels: linear ones
+    by the root of their size, since energy forgets what is dark, and eyes do not."""
+    rows = np.asarray(series, np.float64)
+    size = np.sqrt(np.mean(np.square(rows), axis=1, keepdims=True))
+    floor = DARKEST * np.sqrt(np.mean(np.square(size)))
+    return rows if space == "stored" or floor == 0 else rows / np.sqrt(size + floor)
+
+
+def covered_of(photographs: Photographs) -> Indices | None:
+    """Return the pixels that are covered at all, row-major; None for all of an opaque picture."""
+    if photographs.coverage is None:
+        return None
+    covered = np.flatnonzero(photographs.coverage.ravel() > 0)
+    if not len(covered):
+        raise InputError("dome", "coverage", "all zero", "nothing is to be seen: check the mesh")
+    return covered
+
+
+def spread(photographs: Photographs, covered: Indices | None, most: int) -> Indices:
+    """Return up to `most` of the covered pixels, evenly spread by the golden ratio, in order."""
+    count = photographs.pictures[0].size // 3 if covered is None else len(covered)
+    steps = (np.arange(min(most, count)) + 0.5) * 0.6180339887498949 % 1
+    chosen = np.arange(count) if count <= most else np.unique((steps * count).astype(np.int64))
+    return chosen if covered is None else covered[chosen]
+
+
+def sample_of(pictures: Float, train: Indices, covered: Indices | None = None) -> Array:
+    """Return the samples (pixels, N, 3) of some pixels, for knobs."""
     flat = pictures.reshape(len(pictures), -1, 3)
-    count = flat.shape[1]
-    steps = (np.arange(min(SAMPLE, count)) + 0.5) * 0.6180339887498949 % 1
-    chosen = np.arange(count) if count <= SAMPLE else (steps * count).astype(np.int64)
+    chosen = spread(Photographs(pictures, np.zeros((0, 3)), "linear"), covered, SAMPLE)
     return np.asarray(flat[train[:, None], chosen].transpose(1, 0, 2), np.float64)
 
 
-def series_of(
-    photographs: Photographs, train: NDArray[np.int64], knobs: Knobs, progress: workers.Progress
-) -> Float:
-    """Return the coefficients (pixels, bands^2, 3) of every pixel."""
-    flat = photographs.pictures.reshape(len(photographs.pictures), -1, 3)
+def series_of(photographs: Photographs, train: Indices, knobs: Knobs, pixels: Indices) -> Float:
+    """Return the coefficients (pixels, bands^2, 3) of some pixels."""
     lights, K = photographs.directions[train], knobs.bands**2
-    C = np.empty((flat.shape[1], K, 3), np.float32)
+    C = np.empty((len(pixels), K, 3), np.float32)
     matrix = harmonics.fit_weights(lights, knobs.bands, knobs.penalty).matrix.astype(np.float32)
 
     def tile(start: int) -> None:
-        part = flat[train, start : start + TILE]
+        x = samples_at(photographs, train, pixels[start : start + WEIGHTED_TILE])
         if knobs.exponent == 0:
             # Single precision: 72 products round to 1e-6, and a code is 4e-3
-            made = matrix @ part.reshape(len(train), -1)
-            C[start : start + TILE] = made.reshape(K, -1, 3).transpose(1, 0, 2)
+            C[start : start + len(x)] = np.matmul(matrix, x)
             return
-        for a in range(0, part.shape[1], 256):
-            x = part[:, a : a + 256].transpose(1, 0, 2)
-            weights = dome_knobs.weights_of(x, knobs.exponent)
-            fitted = harmonics.fit_each(x, lights, knobs.bands, knobs.penalty, weights)
-            C[start + a : start + a + len(x)] = fitted
+        weights = dome_knobs.weights_of(x, knobs.exponent)
+        fitted = harmonics.fit_each(x, lights, knobs.bands, knobs.penalty, weights)
+        C[start : start + len(x)] = fitted
 
-    workers.map_tiles(tile, range(0, len(C), TILE), progress)
+    workers.map_tiles(tile, range(0, len(C), WEIGHTED_TILE))
     return C
 
 
-def described(
+def scores_of(
     photographs: Photographs,
-    train: NDArray[np.int64],
+    train: Indices,
     knobs: Knobs,
-    components: Components,
-    samples: Array,
-) -> dict[str, Any]:
-    """Return what the fit is, and its leave-one-light-out error beside that of two others."""
-    lights = photographs.directions[train]
-    fit = harmonics.fit_weights(lights, knobs.bands, knobs.penalty)
-    quality: dict[str, Any] = {
-        "lights": len(train),
-        "bands": knobs.bands,
-        "penalty": knobs.penalty,
-        "weight_exponent": knobs.exponent,
-        "condition": min(fit.condition, 1e300),
-        "rank": components.rank,
-        "leave_one_out_psnr": knobs.predicted,
-        "notes": [*photographs.notes, *components.warnings],
-    }
-    for name, smoother in baselines(lights, lights).items():
-        # Where a light alone determines a number, nothing can be left out
-        if np.diag(smoother).max() < 1 - 1e-9:
-            quality[f"leave_one_out_{name}_psnr"] = dome_knobs.linear_psnr(
-                samples, smoother, photographs.space
-            )
-    return quality
+    vectors: Array,
+    pixels: Indices,
+    progress: workers.Progress = workers.silent,
+) -> Float:
+    """Fit pixels with a few series instead of all: channels (pixels, J), of the least weighted
+    squares and penalty that they can have.
+
+    vectors : (J, bands^2, 3), the series of the channels; zeros give channels of zeros.
+    """
+    lights, count = photographs.directions[train], len(vectors)
+    # What channel j gives light n and colour c, and the penalty as its quadratic form
+    given = np.einsum("nk,jkc->ncj", harmonics.evaluate(lights, knobs.bands), vectors)
+    rough = harmonics.penalties(knobs.bands)[:, None]
+    form = knobs.penalty * len(lights) * np.tensordot(vectors * rough, vectors, ((1, 2), (1, 2)))
+    # An empty channel has no equation: let it be 0
+    form += np.diag(~vectors.any(axis=(1, 2)) * 1.0)
+    pairs = np.einsum("nci,ncj->nij", given, given)
+    flat = given.reshape(-1, count)
+    matrix = np.linalg.solve(pairs.sum(axis=0) + form, flat.T).astype(np.float32).T
+    products = np.ascontiguousarray(pairs.reshape(len(lights), -1).T, np.float32)
+    smooth, rows = form.astype(np.float32)[..., None], flat.astype(np.float32)
+    scores = np.empty((len(pixels), count), np.float32)
+
+    def tile(start: int) -> None:
+        x = samples_at(photographs, train, pixels[start : start + TILE])
+        if knobs.exponent == 0:
+            np.matmul(x.reshape(len(x), -1), matrix, out=scores[start : start + len(x)])
+            return
+        w = dome_knobs.weights_of(x, knobs.exponent)
+        w /= w.mean(axis=1, keepdims=True)
+        normal = (products @ w.T).reshape(count, count, -1) + smooth
+        x *= w[..., None]
+        right = np.ascontiguousarray((x.reshape(len(x), -1) @ rows).T)
+        scores[start : start + len(x)] = dome_solve.solved(normal, right).T
+
+    workers.map_tiles(tile, range(0, len(pixels), TILE), progress)
+    return scores
 
 
-def losses(
-    photographs: Photographs, held: NDArray[np.int64], C: Float, scores: Float, dome: Dome
-) -> dict[str, Any]:
-    """Return the PSNR at held-out lights, or else at those fitted, and what each step costs, dB."""
-    lights = held if len(held) else np.arange(len(photographs.directions))
-    basis = harmonics.evaluate(photographs.directions[lights], round(C.shape[1] ** 0.5))
-    constants = dome.constants(photographs.directions[lights])
-    stored = dome.decoded().reshape(scores.shape)
-    # Held-out lights are few and count whole; of the others some pixels do
-    step = 1 if len(held) else -(-len(C) * len(lights) // FITTED_SAMPLE)
-    truth = photographs.pictures.reshape(len(photographs.pictures), -1, 3)
-
-    def errors(n: int) -> list[float]:
-        weights = constants[n].astype(np.float32)
-        target = dome_knobs.seen(truth[lights[n], ::step], photographs.space)
-        series = np.matmul(basis[n].astype(np.float32), C[::step])
-        made = (series, scores[::step] @ weights, stored[::step] @ weights)
-        return [
-            dome_knobs.mean_psnr([(dome_knobs.seen(v, photographs.space), target)]) for v in made
-        ]
-
-    found = np.mean(workers.map_tiles(errors, range(len(lights))), axis=0)
-    name = "held_out_psnr" if len(held) else "fitted_psnr"
-    return {
-        name: float(found[2]),
-        "loss_channels_db": float(found[0] - found[1]),
-        "loss_bits_db": float(found[1] - found[2]),
-    }
+def samples_at(photographs: Photographs, train: Indices, pixels: Indices) -> Float:
+    """Return the samples (pixels, N, 3) of some pixels, those of one run fast."""
+    flat = photographs.pictures.reshape(len(photographs.pictures), -1, 3)
+    first, last = int(pixels[0]), int(pixels[-1])
+    run = last - first + 1 == len(pixels)
+    part = flat[:, first : last + 1] if run else flat[:, pixels]
+    x = np.empty((len(pixels), len(train), 3), np.float32)
+    for i, n in enumerate(train):
+        x[:, i] = part[n]
+    return x
 
 
-def baselines(lights: Array, seen_from: Array) -> dict[str, Array]:
-    """Return what each other method makes of samples at `lights` (N, 3): (M, N) matrices, that give
-    its values at `seen_from` (M, 3)."""
-    hsh = harmonics.fit_weights(lights, HSH_BANDS, 0.0).matrix
-    return {
-        "ptm_18": polynomial(seen_from) @ np.linalg.pinv(polynomial(lights)),
-        "hsh_27": harmonics.evaluate(seen_from, HSH_BANDS) @ hsh,
-    }
+def packed(
+    photographs: Photographs,
+    scores: Float,
+    vectors: Array,
+    covered: Indices | None,
+    params: Params,
+) -> Dome:
+    """Lay scores (pixels, channels) of the covered pixels out in planes, levels and codes.
+
+    vectors : (channels, bands^2, 3)."""
+    height, width = photographs.pictures.shape[1:3]
+    alpha = photographs.coverage
+    if alpha is None and params.coverage:
+        alpha = np.ones((height, width), np.float32)
+    coverage, views = alpha is not None, photographs.views
+    count = len(vectors)
+    channels = np.zeros((height * width, count), np.float32)
+    channels[slice(None) if covered is None else covered] = scores
+    by_view = channels.reshape(views, -1, width, count)
+    alphas = [None] * views if alpha is None else list(alpha.reshape(views, -1, width))
+    planes = [kind.placed(c, a) for c, a in zip(by_view, alphas, strict=True)]
+    per_view, stacked = len(planes[0]), np.concatenate(planes)
+    border = 0
+    levels: tuple[Float, ...] = (stacked,)
+    if coverage or params.max_lod > 0:
+        border, levels = bordered_levels(stacked, params)
+    codes, scales, clipped = kind.encode(levels, per_view, coverage)
+    return Dome(
+        levels=codes,
+        scales=scales,
+        components=vectors,
+        space=photographs.space,
+        coverage=coverage,
+        views=views,
+        metres_per_texel=photographs.metres_per_texel,
+        pivot=(photographs.pivot[0] + border, photographs.pivot[1] + border),
+        height=photographs.height,
+        max_lod=min(params.max_lod, len(levels) - 1.0),
+        lens_scale=mips.FILTERS[params.filter].lens_scale,
+        quality={
+            "border": border,
+            "size": [width, height // views],
+            "levels": len(levels),
+            "clipped_values": clipped,
+        },
+    )
 
 
-def polynomial(directions: Array) -> Array:
-    """Return the basis of polynomial texture maps at (..., 3): x^2, y^2, xy, x, y, 1."""
-    x, y = directions[..., 0], directions[..., 1]
-    return np.stack([x * x, y * y, x * y, x, y, np.ones_like(x)], axis=-1)
-
-
-def beside(
-    photographs: Photographs, train: NDArray[np.int64], held: NDArray[np.int64]
-) -> dict[str, Any]:
-    """Return the PSNR of the other methods at held-out lights, dB, in floats."""
-    flat = photographs.pictures.reshape(len(photographs.pictures), -1)
-    lights = photographs.directions
-    quality: dict[str, Any] = {"held_out_lights": len(held)}
-    for name, rows in baselines(lights[train], lights[held]).items():
-        errors = []
-        for row, light in zip(rows, held, strict=True):
-            # Weights of 0 leave photographs out, where a copy of the rest would take their memory
-            weights = np.zeros(len(flat), np.float32)
-            weights[train] = row
-            a, b = (dome_knobs.seen(v, photographs.space) for v in (weights @ flat, flat[light]))
-            errors.append(dome_knobs.mean_psnr([(a, b)]))
-        quality[f"held_out_{name}_psnr"] = float(np.mean(errors))
-    return quality
+def bordered_levels(planes: Float, params: Params) -> tuple[int, tuple[Float, ...]]:
+    """Return the border in texels and the mip levels of planes (layers, h, w, 4) within it."""
+    border = mips.border_of(mips.Params(filter=params.filter, max_lod=params.max_lod))
+    rows, columns = (n + 2 * border for n in planes.shape[1:3])
+    count = mips.level_count(min(rows, columns))
+    height, width = (-(-n // (1 << (count - 1))) << (count - 1) for n in (rows, columns))
+    return border, mips.mip_chain(mips.placed(planes, border, width, height), count, params.filter)

@@ -113,23 +113,23 @@ def gather(
     luma = luminance(terms)
     kept = np.einsum("kp,kp->p", luma, luma) / (2 * np.pi)
     # The sky is the same under every light: the held-out renders have it too
-    fill = _fill(scene, shading, sky, colours) * np.float32(lights.sky_share / samples)
-    terms[0] += fill
-    rendered = _render(scene, shading.select(chosen, samples), held, samples)
-    rendered += fill[chosen] / np.float32(np.sqrt(2 * np.pi))
+    even = fill(scene, shading, sky, colours) * np.float32(lights.sky_share / samples)
+    terms[0] += even
+    rendered = render(scene, shading.select(chosen, samples), held, samples)
+    rendered += even[chosen] / np.float32(np.sqrt(2 * np.pi))
     mean_square = squares / np.float32(len(ring))
     return Gathered(terms, rendered, mean_square, kept.astype(np.float32))
 
 
-def _fill(scene: RayScene, shading: Shading, sky: Float, colours: list[Float]) -> Float:
+def fill(scene: RayScene, shading: Shading, sky: Float, colours: list[Float]) -> Float:
     """Return the sum (p, 3) over all directions (Q, S, 3) of the sky and all subsamples."""
     samples, count, _ = colours[0].shape
-    fill = np.zeros((count, 3), np.float32)
+    total = np.zeros((count, 3), np.float32)
     for which, subsamples in _blocks(len(sky), 1, samples):
         lit = _lit(scene, shading, sky, which, subsamples, count)
-        fill += sum(np.einsum("sjp,spc->pc", v, c) for v, c in zip(lit, colours, strict=True))
+        total += sum(np.einsum("sjp,spc->pc", v, c) for v, c in zip(lit, colours, strict=True))
         del lit
-    return fill
+    return total
 
 
 def _blocks(
@@ -160,7 +160,7 @@ def _lit(
     return channels
 
 
-def _render(scene: RayScene, shading: Shading, directions: Float, samples: int) -> Float:
+def render(scene: RayScene, shading: Shading, directions: Float, samples: int) -> Float:
     """Return radiance (M, q, 3) under each of (M, S, 3) directions, over all subsamples."""
     count = len(shading.normal) // samples
     colours = [c.reshape(samples, count, 3) for c in shading.colours]

@@ -2,35 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.mesh import Material
+from formats.mesh import BRIGHTEST, Material
 from maths.colour import srgb_decode
 
 Float = NDArray[np.float32]
+RGB = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
 class Look:
-    """How one part looks. uv : (n, 2), colours : (n, 3) linear, a row a vertex, or None."""
+    """How one part looks. uv : (n, 2), colours : (n, 3) linear, a row a vertex, or None. notes :
+    what was simplified."""
 
     uv: Float | None
     colours: Float | None
     material: Material
+    notes: tuple[str, ...] = ()
 
 
 @dataclass
 class Reader:
     """Reads the looks of all parts of one file, each texture once.
 
-    linear : vertex colours are linear, as in glTF; those of other formats are sRGB.
+    linear : vertex colours are linear, as in glTF; those of other formats are sRGB. strengths :
+    factors on the emission of materials, by name (KHR_materials_emissive_strength).
     """
 
     linear: bool
+    strengths: Mapping[str, float] = field(default_factory=dict)
     textures: dict[int, Float] = field(default_factory=dict)
 
     def look(self, mesh: Any, kept: NDArray[np.bool_]) -> Look:
@@ -53,7 +59,25 @@ class Reader:
         colours = None if raw is None else self._colours(np.asarray(raw))
         if colours is not None and len(colours) != count:
             colours = None
-        return Look(uv, colours, material)
+        found = visual.material if kind == "texture" else None
+        emissive, notes = self._emission(found, uv is not None)
+        return Look(uv, colours, replace(material, emissive=emissive), notes)
+
+    def _emission(self, material: Any, has_uv: bool) -> tuple[RGB, tuple[str, ...]]:
+        """Return the radiance that a glTF material sends out; of a picture its mean counts."""
+        factor = getattr(material, "emissiveFactor", None)
+        if factor is None or not np.any(np.asarray(factor) > 0):
+            return (0.0, 0.0, 0.0), ()
+        strength = self.strengths.get(str(material.name or ""), 1.0)
+        emitted = np.asarray(factor, np.float64) * strength
+        notes: tuple[str, ...] = ()
+        image = getattr(material, "emissiveTexture", None)
+        if image is not None and has_uv:
+            texture = self._texture(image)
+            emitted = emitted * (0.0 if texture is None else texture.mean(axis=(0, 1)))
+            notes = (f"{material.name or 'a material'} glows evenly, by its picture's mean",)
+        red, green, blue = np.nan_to_num(emitted).clip(0, BRIGHTEST).tolist()
+        return (red, green, blue), notes
 
     def _colours(self, raw: NDArray[Any]) -> Float:
         """Bring colours (n, 3 or 4) of any type to linear 0..1."""

@@ -86,7 +86,7 @@ def pack(
     count = level_count(min(padded))
     width, height = (-(-n // (1 << (count - 1))) << (count - 1) for n in padded)
     planes = np.stack([
-        _placed(sprite_packing.pack(t, a, params.packing), border, width, height)
+        placed(sprite_packing.pack(t, a, params.packing), border, width, height)
         for t, a in zip(master.terms, master.alpha, strict=True)
     ])  # fmt: skip
     levels = mip_chain(planes.reshape(-1, height, width, 4), count, params.filter, progress)
@@ -105,6 +105,7 @@ def pack(
         lens_scale=FILTERS[params.filter].lens_scale,
     )
     quality = {**master.quality, "border": border, "levels": count, "clipped_values": clipped}
+    quality["size"] = list(master.alpha.shape[:0:-1])
     quality |= losses(master, board, border)
     return replace(board, quality=quality)
 
@@ -120,7 +121,8 @@ def level_count(smaller: int) -> int:
     return max(1, int(np.floor(np.log2(max(smaller, 4) / 4))) + 1)
 
 
-def _placed(planes: Float, border: int, width: int, height: int) -> Float:
+def placed(planes: Float, border: int, width: int, height: int) -> Float:
+    """Return planes (n, h, w, 4) within zeros: `border` texels to the left and on top."""
     out = np.zeros((len(planes), height, width, 4), np.float32)
     out[:, border : border + planes.shape[1], border : border + planes.shape[2]] = planes
     return out

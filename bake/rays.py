@@ -29,6 +29,10 @@ class Hits:
     v: Float
     distance: Float
 
+    def pick(self, which: NDArray[np.int64]) -> Hits:
+        """Return some of the hits."""
+        return Hits(self.face[which], self.u[which], self.v[which], self.distance[which])
+
     @cached_property
     def weights(self) -> Float:
         """Barycentric weights (n, 3) of the face's corners."""

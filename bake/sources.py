@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from bake import interrupts, materials
 from formats.errors import InputError
+from formats.files.glb_buffers import unpack
+from formats.files.reading import refusing
 from formats.mesh import Mesh
 
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
@@ -92,12 +94,30 @@ def load(path: Path) -> Mesh:
         reason = f"{type(error).__name__}: {error}"[:160]
         remedy = "this mesh cannot be read; export it again as GLB"
         raise InputError(path, "", reason, remedy) from error
-    reader = materials.Reader(linear=path.suffix.lower() in (".glb", ".gltf"))
+    linear = path.suffix.lower() in (".glb", ".gltf")
+    reader = materials.Reader(linear=linear, strengths=_strengths(path) if linear else {})
     parts = [_part(*item, path, reader) for item in placed]
     parts = [part for part in parts if len(part.faces)]
     if not parts:
         raise InputError(path, "faces", 0, "the file holds no triangles; export a mesh with faces")
     return _joined(parts, path)
+
+
+def _strengths(path: Path) -> dict[str, float]:
+    """Read what trimesh leaves out of a glTF: the strengths of emission, by the material's name."""
+    found: dict[str, float] = {}
+    with refusing(path, "glTF file"):
+        data = path.read_bytes()
+        tree = unpack(data, path)[0] if path.suffix.lower() == ".glb" else json.loads(data)
+        for material in tree.get("materials", []):
+            extension = material.get("extensions", {}).get("KHR_materials_emissive_strength", {})
+            strength = float(extension.get("emissiveStrength", 1.0))
+            name = str(material.get("name") or "")
+            glows = any(material.get("emissiveFactor", ()))
+            if glows and found.setdefault(name, strength) != strength:
+                remedy = "two materials of this name glow with different strengths; rename one"
+                raise InputError(path, "materials", name, remedy)
+    return found
 
 
 def _resolver(path: Path) -> Any:
@@ -172,7 +192,7 @@ def _part(mesh: Any, matrix: NDArray[np.float64], path: Path, reader: materials.
         materials=(look.material,),
         uv=look.uv,
         colours=look.colours,
-        notes=(f"dropped {dropped} faces without area",) if dropped else (),
+        notes=(*((f"dropped {dropped} faces without area",) if dropped else ()), *look.notes),
     )
 
 

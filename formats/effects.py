@@ -9,16 +9,21 @@ from typing import Any
 
 import numpy as np
 
+from formats import film_bounds, fog_bounds, lens_bounds, light_bounds
 from formats.errors import InputError
-from formats.lens_blur import largest_blur, largest_texels
-from formats.plan import LINES, Decision, EffectPlan
-from formats.scene import Billboards, EnvironmentLight, Fog, Scene
-from maths import colour, optics
+from formats.lens_blur import largest_texels
+from formats.lens_bounds import Blur
+from formats.plan import LINES, Decision, EffectPlan, LightPlan
+from formats.poses import mesh_balls, poses
+from formats.scene import Billboards, EnvironmentLight, Scene
+from maths import optics
 
 Reports = Mapping[str, Mapping[str, Any]]  # asset, such as billboard/oak -> its report, where baked
-LEAST_BLUR = 0.5  # pixels: a smaller circle stays within the filter of a pixel
-LEAST_CODES = 0.5  # of 8-bit codes: less rounds away
-EARTH_RADIUS = 6.371e6  # metres
+LEAST_BLUR = 0.5  # pixels: a smaller circle changes nothing, in no pass
+LEAST_CODES = 0.5  # of 8-bit codes: less moves no pixel by more than one
+CODES = "8-bit codes"
+MOST_LINES = 16384  # of any picture: assets are baked once for all sizes
+MOST_LIGHTS = 16  # on meshes, environments apart
 
 
 @dataclass(frozen=True)
@@ -55,7 +60,7 @@ def largest_lod(
     confusion in texels). 0 when the lens is not called for.
     """
     row = next(row for row in EFFECTS if row.name == "depth_of_field")
-    if not _decide(row, scene, {}, LINES).called:
+    if not _decide(row, scene, {}, MOST_LINES).called:
         return 0.0
     return float(optics.lod(largest_texels(scene, billboards, texels_per_metre), lens_scale))
 
@@ -73,31 +78,74 @@ def _decide(row: Row, scene: Scene, reports: Reports, lines: int) -> EffectPlan:
             raise InputError(scene.file, field, "false", remedy)
         agreed = "as" if forced == called else "although"
         called, reason = forced, f"forced {'on' if forced else 'off'}, {agreed} {reason}"
-    unit = found.unit
-    return EffectPlan(row.name, called, reason, found.bound, unit, forced is not None, row.kinds)
+    codes = found.codes
+    if codes is None:
+        codes = film_bounds.MOST if found.called else 0.0
+    return EffectPlan(
+        row.name, called, reason, found.bound, found.unit, forced is not None, row.kinds, codes
+    )
+
+
+def lights(scene: Scene, reports: Reports | None = None) -> tuple[LightPlan, ...]:
+    """Every light in order, kept or left out, after [force].
+
+    Raises InputError where [force] asks to leave all of them out.
+    """
+    if scene.force.get("lights") is False:
+        remedy = "remove this line: the plan leaves out what adds nothing; true keeps all"
+        raise InputError(scene.file, "force.lights", "false", remedy)
+    return light_bounds.decide(scene, reports or {})
 
 
 def environment(scene: Scene, reports: Reports, lines: int) -> Decision:
-    """Light from all around, where it is brighter than 0 at some time."""
-    lights = [light for light in scene.lights if isinstance(light, EnvironmentLight)]
-    if not lights:
+    """Light from all around, where some of it is kept."""
+    found = [light for light in scene.lights if isinstance(light, EnvironmentLight)]
+    if not found:
         return Decision(False, "no light is an environment")
-    scale = max(float(np.max(light.scale.extremes[1])) for light in lights)
-    reason = f"{len(lights)} environment{'s' * (len(lights) > 1)} with a scale of at most {scale:g}"
-    return Decision(scale > 0.0, reason, scale, "x radiance")
+    scale = max(float(np.max(light.scale.extremes[1])) for light in found)
+    reason = f"{len(found)} environment{'s' * (len(found) > 1)} with a scale of at most {scale:g}"
+    plans = [each for each in lights(scene, reports) if each.type == "environment"]
+    kept = [each for each in plans if each.kept or each.reason.startswith("forced off")]
+    codes = [film_bounds.MOST if each.codes is None else each.codes for each in plans]
+    if not kept:
+        reason += f" add at most {sum(codes):.3g} {CODES}"
+    most = min(sum(codes), film_bounds.MOST)
+    return Decision(bool(kept) and scale > 0.0, reason, scale, "x radiance", most)
+
+
+def surface(scene: Scene, reports: Reports, lines: int) -> Decision:
+    """Opaque meshes, where any stands. InputError where more lights shine than its shader takes."""
+    if not scene.meshes:
+        return Decision(False, "the scene has no mesh", 0.0, "meshes")
+    near = sum(not isinstance(light, EnvironmentLight) for light in scene.lights)
+    if near > MOST_LIGHTS:
+        remedy = f"meshes take at most {MOST_LIGHTS} lights besides environments; join or drop some"
+        raise InputError(scene.file, "lights", near, remedy)
+    count = len(scene.meshes)
+    reason = f"{count} mesh{'es' * (count > 1)} stand{'s' * (count == 1)} in it"
+    # A lens over meshes blurs what is behind them too: only without one do they leave no trace
+    known = all("bounds" in reports.get(f"mesh/{mesh.name}", {}) for mesh in scene.meshes)
+    if known and scene.camera.lens is None and not _seen(scene, _mesh_balls(scene, reports)):
+        return Decision(False, f"{reason}, out of every view", 0.0, CODES)
+    return Decision(True, reason, float(count), "meshes")
 
 
 def ground(scene: Scene, reports: Reports, lines: int) -> Decision:
     """A plane to stand on."""
     if scene.ground is None:
         return Decision(False, "the scene has no [ground]")
-    return Decision(True, f"[ground] lies at {scene.ground.height:g} m")
+    reason = f"[ground] lies at {scene.ground.height:g} m"
+    if not fog_bounds.sees_ground(scene):
+        return Decision(False, f"{reason}, where the still camera never looks", 0.0, CODES)
+    return Decision(True, reason)
 
 
 def sky(scene: Scene, reports: Reports, lines: int) -> Decision:
     """A gradient behind everything."""
     if scene.picture.sky is None:
         return Decision(False, "the scene has no picture.sky")
+    if fog_bounds.hides_sky(scene):
+        return Decision(False, "the ground fills the view of the still camera", 0.0, CODES)
     return Decision(True, "picture.sky is described")
 
 
@@ -108,12 +156,26 @@ def fog(scene: Scene, reports: Reports, lines: int) -> Decision:
         return Decision(False, "the scene has no picture.fog")
     if described.extinction.extremes[1] == 0.0:
         return Decision(False, "the extinction of picture.fog is 0", 0.0, "8-bit codes")
-    distance, what = _farthest(scene)
-    if distance == 0.0:
-        return Decision(False, "the scene shows nothing that fog could veil", 0.0, "8-bit codes")
-    codes = _veil(scene, described, distance)
-    reason = f"it changes {what} at {distance:,.0f} m by at most {codes:.3g} 8-bit codes"
-    return Decision(codes > LEAST_CODES, reason, codes, "8-bit codes")
+    distance, what, low = fog_bounds.reach(scene, reports)
+    codes = fog_bounds.codes(scene, described, distance, low)
+    where = f"{what} at {distance:,.0f} m" if np.isfinite(distance) else what
+    reason = f"it changes {where} by at most {codes:.3g} {CODES}"
+    return Decision(codes >= LEAST_CODES, reason, codes, CODES, codes)
+
+
+def defocus(scene: Scene, reports: Reports, lines: int) -> Decision:
+    """Blur of the lens on meshes, ground and sky, where a circle of confusion reaches half a pixel.
+
+    Without meshes the ground blurs itself as it is drawn, and nothing needs to be gathered.
+    """
+    if scene.camera.lens is None:
+        return Decision(False, "the camera has no lens")
+    if not scene.meshes or scene.force.get("surface") is False:
+        return Decision(False, "no mesh stands in it, and the ground blurs by its own", 0.0, "px")
+    blur = lens_bounds.of_opaque(scene, reports, lines)
+    if blur is None:
+        return Decision(False, "the camera sees nothing opaque that the lens could blur", 0.0, "px")
+    return _lens(blur, lines, "; under half a pixel it gathers each pixel from itself alone")
 
 
 def billboard(scene: Scene, reports: Reports, lines: int) -> Decision:
@@ -123,6 +185,12 @@ def billboard(scene: Scene, reports: Reports, lines: int) -> Decision:
         return Decision(False, "the scene has no sprite", 0.0, "sprites")
     sets = len(scene.billboards)
     reason = f"{sprites} sprite{'s' * (sprites > 1)} of {sets} set{'s' * (sets > 1)} stand in it"
+    found = [lens_bounds.balls(billboards, reports) for billboards in scene.billboards]
+    shadows = scene.ground is not None and any(each.shadow for each in scene.billboards)
+    known = all(each.known for each in found) and not (shadows and fog_bounds.sees_ground(scene))
+    around = [(each.middles, each.radii) for each in found if len(each.middles)]
+    if known and not _seen(scene, around):
+        return Decision(False, f"{reason}, out of every view", 0.0, CODES)
     return Decision(True, reason, float(sprites), "sprites")
 
 
@@ -130,16 +198,18 @@ def depth_of_field(scene: Scene, reports: Reports, lines: int) -> Decision:
     """Blur of the lens on sprites, where a circle of confusion reaches half a pixel."""
     if scene.camera.lens is None:
         return Decision(False, "the camera has no lens")
-    if scene.force.get("billboard") is False:
-        return Decision(False, "sprites are forced off, and the lens blurs only sprites", 0.0, "px")
-    blur = largest_blur(scene, lines)
-    if blur is None:
+    blurs = []
+    if scene.force.get("billboard") is not False:
+        blurs.append(lens_bounds.of_sprites(scene, reports, lines))
+    if _blurs_ground(scene):
+        blurs.append(lens_bounds.of_ground(scene, lines))
+    found = [blur for blur in blurs if blur is not None]
+    if not found:
         return Decision(False, "the camera sees no sprite that the lens could blur", 0.0, "px")
-    reason = (
-        f"the largest circle of confusion is {blur.pixels:.3g} px of {lines} lines "
-        f"({blur.name} at {blur.distance:.3g} m, {blur.t:.3g} s)"
-    )
-    return Decision(blur.pixels >= LEAST_BLUR, reason, blur.pixels, "px")
+    blur = max(found, key=lambda blur: blur.pixels)
+    scales = [r.get("layout", {}).get("lens_scale", 1.0) for r in reports.values()]
+    # Sprites take lens_scale texels a texel of the circle: one texel changes nothing
+    return _lens(blur, lines, "; under half a pixel every level stays", max([2.0, *scales]) / 2.0)
 
 
 def film(scene: Scene, reports: Reports, lines: int) -> Decision:
@@ -147,49 +217,35 @@ def film(scene: Scene, reports: Reports, lines: int) -> Decision:
     return Decision(True, "it makes the picture of radiance")
 
 
-def _farthest(scene: Scene) -> tuple[float, str]:
-    """Distance of what is seen farthest away, metres, and its name."""
-    camera = scene.camera.position.values
-    distance, what = 0.0, "nothing"
-    for billboards in scene.billboards:
-        positions = billboards.instances().positions
-        if len(positions):
-            # No point of a keyed way is outside the box of its keys
-            box = np.stack([camera.min(axis=0), camera.max(axis=0)])
-            reach = np.maximum(np.abs(positions - box[0]), np.abs(positions - box[1]))
-            far = float(np.linalg.norm(reach, axis=-1).max())
-            if far > distance:
-                distance, what = far, f"a sprite of {billboards.name}"
-    if scene.ground or scene.picture.sky:
-        level = scene.ground.height if scene.ground else 0.0
-        above = max(1.0, float(camera[:, 1].max()) - level)
-        horizon = float(np.sqrt(2.0 * EARTH_RADIUS * above))
-        if horizon > distance:
-            distance, what = horizon, "the horizon"
-    return distance, what
+def _lens(blur: Blur, lines: int, why_not: str, factor: float = 1.0) -> Decision:
+    """A lens, called for where its circle times a factor reaches half a pixel."""
+    reason = (
+        f"the largest circle of confusion is {blur.pixels:.3g} px of {lines} lines "
+        f"({blur.name} at {blur.distance:.3g} m, {blur.t:.3g} s)"
+    )
+    called = blur.pixels * factor >= LEAST_BLUR
+    return Decision(called, reason if called else reason + why_not, blur.pixels, "px")
 
 
-def _veil(scene: Scene, described: Fog, distance: float) -> float:
-    """The most that fog over a distance changes a grey of any brightness, in 8-bit codes."""
-    low = float(scene.camera.position.values[:, 1].min())
-    feet = [b.instances().positions[:, 1] for b in scene.billboards]
-    low = min([low, *(float(y.min()) for y in feet if y.size)])
-    # The density where it is highest, all along the way
-    thickest = np.exp(np.clip(-described.falloff * low, -80.0, 80.0))
-    depth = min(80.0, float(described.extinction.extremes[1] * thickest * distance))
-    passing = np.exp(-depth)
-    tonemap = colour.TONEMAPS[scene.picture.film.tonemap]
-    behind = np.concatenate([[0.0], np.geomspace(1e-5, 1e3, 400)])[:, None] * np.ones(3)
-    largest = 0.0
-    for exposure in scene.picture.film.exposure.extremes:
-        for radiance in described.radiance.extremes:
-            veiled = passing * behind + (1.0 - passing) * radiance
-            codes = [
-                255.0 * colour.srgb_encode(tonemap(2.0**exposure * image))
-                for image in (behind, veiled)
-            ]
-            largest = max(largest, float(np.abs(codes[1] - codes[0]).max()))
-    return largest
+def _blurs_ground(scene: Scene) -> bool:
+    """Whether the ground blurs itself: with meshes the gather does."""
+    drawn = scene.ground is not None and scene.force.get("ground") is not False
+    return drawn and (not scene.meshes or scene.force.get("surface") is False)
+
+
+def _mesh_balls(scene: Scene, reports: Reports) -> list[tuple[Any, Any]]:
+    found = mesh_balls(scene, reports, lens_bounds.UNKNOWN_REACH)
+    return [(middle[None], np.array([radius])) for _, middle, radius in found]
+
+
+def _seen(scene: Scene, found: list[tuple[Any, Any]]) -> bool:
+    """Whether the camera may ever see one of these balls."""
+    half = scene.camera.sensor_height_mm / 2000.0
+    return any(
+        bool(pose.depths(middles, radii, half)[0].any())
+        for pose in poses(scene)
+        for middles, radii in found
+    )
 
 
 EFFECTS = (
@@ -200,9 +256,11 @@ EFFECTS = (
         lambda scene: any(isinstance(light, EnvironmentLight) for light in scene.lights),
         environment,
     ),
+    Row("surface", ("mesh",), "[[meshes]]", lambda scene: bool(scene.meshes), surface),
     Row("ground", (), "[ground]", lambda scene: scene.ground is not None, ground),
     Row("sky", (), "picture.sky", lambda scene: scene.picture.sky is not None, sky),
     Row("fog", (), "picture.fog", lambda scene: scene.picture.fog is not None, fog),
+    Row("defocus", (), "camera.lens", lambda scene: scene.camera.lens is not None, defocus),
     Row(
         "billboard",
         ("billboard",),

@@ -1,11 +1,10 @@
-"""How much a scene's lens blurs its sprites at most, over the whole animation.
+"""How coarse a level the lens asks of a set of sprites, over the whole animation.
 
-The truth is sampled: every frame where there are few, and every key in any case.
+Sampled: every frame where there are few, and every key in any case. What falls between is cut off
+at the coarsest level that was baked; whether the lens is called for is formats/lens_bounds.py.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +17,6 @@ MOMENTS = 256  # of the animation that are looked at, keys come on top
 WORK = 4_000_000  # sprites times moments of one set
 WIDEST = 2.4  # width over height of a picture: nothing seen in cinema's widest is left out
 REACH = 1.5  # radius of a sprite about its middle, in heights: a crown may be wider than tall
-
-
-@dataclass(frozen=True)
-class Blur:
-    """The largest circle of confusion: where and when. distance and t in metres and seconds."""
-
-    pixels: float
-    name: str
-    distance: float
-    t: float
 
 
 def moments(scene: Scene, most: int = MOMENTS) -> NDArray[np.float64]:
@@ -43,24 +32,6 @@ def moments(scene: Scene, most: int = MOMENTS) -> NDArray[np.float64]:
     keys = np.concatenate([keyed.times for keyed in moving])
     keys = keys[(keys >= 0.0) & (keys <= duration)]
     return np.union1d(np.linspace(0.0, duration, min(frames, most)), keys)
-
-
-@lru_cache(maxsize=8)
-def largest_blur(scene: Scene, lines: int) -> Blur | None:
-    """The largest circle of confusion of any sprite seen, in pixels of a picture `lines` high.
-
-    None without a lens, and where no sprite is ever seen.
-    """
-    found: Blur | None = None
-    for billboards in scene.billboards:
-        for t, depths, _ in _seen(scene, billboards):
-            circles = optics.pixels(
-                _circles(scene.camera, depths, t), lines, scene.camera.sensor_height_mm / 1000.0
-            )
-            worst = int(np.argmax(circles))
-            if found is None or circles[worst] > found.pixels:
-                found = Blur(float(circles[worst]), billboards.name, float(depths[worst]), t)
-    return found
 
 
 def largest_texels(scene: Scene, billboards: Billboards, texels_per_metre: float) -> float:

@@ -1,48 +1,29 @@
-"""A triangle mesh with its materials, as a source file declares it."""
+"""A triangle mesh with its materials: as a source file declares it, and as the player reads it.
+
+Baked, it is `mesh.glb` (one primitive a material, float32, textures as 8-bit sRGB PNG) and a
+report.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.errors import InputError
+from formats import report, seal
+from formats.errors import DamagedError, InputError
+from formats.files import glb
+from formats.material import BRIGHTEST, Material
 
+__all__ = ["BRIGHTEST", "LARGEST", "Material", "Mesh", "primitives"]
+
+FORMAT = 1
+NAME = "mesh.glb"
 LARGEST = 1e100
 """Largest coordinate: its square and the sum of three are still finite."""
-
-
-@dataclass(frozen=True)
-class Material:
-    """What a face is made of (glTF 2.0 metallic-roughness).
-
-    base_color : linear rgb, 0..1. texture : (h, w, 3) linear or None, row 0 on top, multiplies it.
-    double_sided : a thin sheet, such as a leaf, through which a baker may let light pass.
-    """
-
-    name: str = ""
-    base_color: tuple[float, float, float] = (0.5, 0.5, 0.5)
-    texture: NDArray[np.float32] | None = None
-    metallic: float = 0.0
-    roughness: float = 0.7
-    double_sided: bool = False
-
-    def fault(self) -> str:
-        """Return what makes the material unusable, or nothing."""
-        numbers = {"metallic": self.metallic, "roughness": self.roughness}
-        numbers |= {f"base_color[{i}]": value for i, value in enumerate(self.base_color)}
-        for name, value in numbers.items():
-            if not 0 <= value <= 1:
-                return f"{name} {value} is not from 0 to 1"
-        if self.texture is not None:
-            texture = np.asarray(self.texture)
-            if texture.dtype.kind != "f" or texture.ndim != 3 or texture.shape[2] != 3:
-                return f"texture is {texture.dtype} {texture.shape}, not floats (h, w, 3)"
-            if not texture.size or not np.all((texture >= 0) & (texture <= 1)):
-                return "texture is empty, or not from 0 to 1"
-        return ""
 
 
 @dataclass(frozen=True)
@@ -88,6 +69,125 @@ class Mesh:
             if found:
                 raise InputError(where, f"materials[{i}]", found, "repair the material")
         return replace(self, **arrays)
+
+    def save(self, folder: Path) -> None:
+        """Write `mesh.glb` and `report.json` into an existing folder.
+
+        Materials that no face has are left out. Raises InputError for a mesh that `checked` refuses
+        and for one without faces.
+        """
+        path = Path(folder) / NAME
+        mesh = self.checked(path)
+        used = np.unique(mesh.material).tolist()
+        if not used:
+            raise InputError(path, "faces", 0, "give a mesh with faces")
+        parts = tuple(mesh._primitive(number) for number in used)
+        glb.write(path, [glb.Node("mesh", parts)])
+        corners = mesh.vertices[np.unique(mesh.faces)]
+        names = [{"name": p.material.name, "faces": len(p.indices)} for p in parts]
+        found = {
+            "format": FORMAT,
+            "kind": "mesh",
+            "faces": len(mesh.faces),
+            "vertices": sum(len(part.positions) for part in parts),
+            "materials": names,
+            "textures": len({p.material.texture for p in parts} - {None}),
+            "emissive": any(max(p.material.emissive) > 0 for p in parts),
+            "bounds": [corners.min(axis=0), corners.max(axis=0)],
+            "notes": list(mesh.notes),
+        }
+        report.write(folder, found)
+
+    @classmethod
+    def load(cls, folder: Path) -> Mesh:
+        """Read a folder that `save` wrote, verified where it is sealed.
+
+        Raises DamagedError where its bytes changed or are of another kind or format.
+        """
+        # Only meshes with textures need Pillow
+        from formats.files import image
+
+        parts = primitives(folder)
+        counts = [len(part.positions) for part in parts]
+        starts = np.cumsum([0, *counts[:-1]])
+        normals = [_stored(folder, p.normals, "normals")[p.indices] for p in parts]
+        textures: dict[bytes, NDArray[np.float32]] = {}
+        materials = []
+        for part in parts:
+            data = part.material.texture
+            if data is not None and data not in textures:
+                textures[data] = image.decode(data, str(Path(folder) / NAME))[..., :3]
+            materials.append(Material.of_glb(part.material, textures[data] if data else None))
+        uv = None if parts[0].uv is None else [_stored(folder, p.uv, "uv") for p in parts]
+        tints = None
+        if parts[0].colours is not None:
+            tints = [_stored(folder, p.colours, "colours") for p in parts]
+        faces = [p.indices + start for p, start in zip(parts, starts, strict=True)]
+        numbers = np.repeat(np.arange(len(parts)), [len(p.indices) for p in parts])
+        return cls(
+            vertices=np.concatenate([p.positions for p in parts]).astype(np.float64),
+            faces=np.concatenate(faces).astype(np.int64),
+            normals=np.concatenate(normals),
+            material=numbers.astype(np.int32),
+            materials=tuple(materials),
+            uv=None if uv is None else _flipped(np.concatenate(uv)),
+            colours=None if tints is None else np.concatenate(tints),
+            notes=tuple(report.read(folder).get("notes", ())),
+        ).checked(folder)
+
+    def _primitive(self, number: int) -> glb.Primitive:
+        """Return the faces of one material; corners that agree in vertex and normal are one."""
+        chosen = np.flatnonzero(self.material == number)
+        corner = self.faces[chosen].reshape(-1, 1)
+        bits = np.ascontiguousarray(self.normals[chosen].reshape(-1, 3) + np.float32(0))
+        keys = np.concatenate([corner, bits.view(np.uint32).astype(np.int64)], axis=1)
+        _, first, indices = np.unique(
+            np.ascontiguousarray(keys, ">i8").view(f"V{8 * keys.shape[1]}").ravel(),
+            return_index=True,
+            return_inverse=True,
+        )
+        vertex, material = corner[first, 0], self.materials[number]
+        uv = None if self.uv is None else _flipped(self.uv[vertex])
+        return glb.Primitive(
+            positions=self.vertices[vertex].astype(np.float32),
+            indices=indices.reshape(-1, 3),
+            normals=bits[first],
+            uv=uv,
+            colours=None if self.colours is None else self.colours[vertex],
+            material=material.as_glb(textured=self.uv is not None),
+        )
+
+
+def primitives(folder: Path) -> tuple[glb.Primitive, ...]:
+    """Read the parts of a folder that `Mesh.save` wrote, as they lie in it: one a material.
+
+    Raises DamagedError where its bytes changed or are of another kind or format.
+    """
+    data, path = report.read(folder), Path(folder) / NAME
+    if data.get("kind") != "mesh" or data.get("format") != FORMAT:
+        found = f"{data.get('kind')} of format {data.get('format')}"
+        raise DamagedError(folder, "kind", found, "bake the mesh again")
+    if seal.is_sealed(folder):
+        seal.read_bytes(folder, NAME)
+    parts = tuple(part for node in glb.read(path) for part in node.primitives)
+    if not parts or any((p.uv is None, p.colours is None) != _lacking(parts[0]) for p in parts):
+        raise DamagedError(path, "primitives", len(parts), "bake the mesh again")
+    return parts
+
+
+def _flipped(uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Turn coordinates (n, 2) from bottom left to top left, and back."""
+    return np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1)
+
+
+def _lacking(part: glb.Primitive) -> tuple[bool, bool]:
+    return part.uv is None, part.colours is None
+
+
+def _stored(folder: Path, values: NDArray[Any] | None, name: str) -> NDArray[np.float32]:
+    if values is None or values.dtype.kind != "f":
+        raise DamagedError(Path(folder) / NAME, name, "missing", "bake the mesh again")
+    return values.astype(np.float32)
 
 
 def _floats(

@@ -4,7 +4,17 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 # Effects in frame order; formats/effects.py decides each
-FRAME = ("environment", "ground", "sky", "fog", "billboard", "depth_of_field", "film")
+FRAME = (
+    "environment",
+    "surface",
+    "ground",
+    "sky",
+    "fog",
+    "defocus",
+    "billboard",
+    "depth_of_field",
+    "film",
+)
 LINES = 1080  # picture height where none is stated
 
 
@@ -13,18 +23,26 @@ class Decision:
     """Whether an effect is called for.
 
     reason : one sentence.
-    bound : how large the effect is at most, in `unit`; None where no number says it.
+    bound : how large the effect is at most, in `unit`; None where no number says it. codes : the
+    most that leaving it out changes a pixel of the finished picture, of 255; None for 0 where it
+    is not called and 255 where it is.
     """
 
     called: bool
     reason: str
     bound: float | None = None
     unit: str = ""
+    codes: float | None = None
 
 
 @dataclass(frozen=True)
 class EffectPlan:
-    """A decision about a named effect, after [force]."""
+    """A decision about a named effect, after [force], and what the effect costs.
+
+    codes : bound on the error of leaving it out, 8-bit codes of the finished picture. seconds : of
+    baking its assets. bytes : of those and of its targets. milliseconds : of its pass a frame;
+    timed : "measured" by the last render, or "estimate".
+    """
 
     name: str
     called: bool
@@ -33,6 +51,26 @@ class EffectPlan:
     unit: str = ""
     forced: bool = False
     kinds: tuple[str, ...] = ()
+    codes: float = 0.0
+    seconds: float = 0.0
+    bytes: int = 0
+    milliseconds: float = 0.0
+    timed: str = "estimate"
+
+
+@dataclass(frozen=True)
+class LightPlan:
+    """Whether the player takes a light. index : among the scene's, from 0.
+
+    codes : the most 8-bit codes that it adds to a pixel of the finished picture at any time; None
+    where that is not known before its assets are baked.
+    """
+
+    index: int
+    type: str
+    kept: bool
+    reason: str
+    codes: float | None
 
 
 @dataclass(frozen=True)
@@ -54,18 +92,40 @@ class AssetPlan:
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything decided about a scene, for pictures `lines` pixels high."""
+    """Everything decided about a scene, for pictures at most `lines` pixels high.
+
+    still : nothing moves, so that every frame is the first but for its dither; motion : what does.
+    """
 
     scene: str
     lines: int
     effects: tuple[EffectPlan, ...]
     assets: tuple[AssetPlan, ...]
     sprites: int
+    lights: tuple[LightPlan, ...] = ()
+    still: bool = False
+    motion: str = ""
 
     @property
     def called(self) -> tuple[str, ...]:
         """Names of the effects called for, in frame order."""
         return tuple(effect.name for effect in self.effects if effect.called)
+
+    @property
+    def left_out(self) -> float:
+        """The most 8-bit codes that all effects and lights left out together, unforced, change."""
+        # The lights of an environment are counted one by one
+        effects = [e for e in self.effects if e.name != "environment"]
+        codes = [e.codes for e in effects if not (e.called or e.forced)]
+        forced = "forced off"
+        lights = [each for each in self.lights if not each.kept]
+        codes += [each.codes or 0.0 for each in lights if not each.reason.startswith(forced)]
+        return sum(codes)
+
+    @property
+    def milliseconds(self) -> float:
+        """Of a frame."""
+        return sum(effect.milliseconds for effect in self.effects if effect.called)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -86,4 +146,5 @@ class Plan:
 
     def as_dict(self) -> dict[str, Any]:
         """For JSON and manifests."""
-        return {**asdict(self), "kinds": self.kinds, "seconds": self.seconds, "bytes": self.bytes}
+        sums = ("kinds", "seconds", "bytes", "milliseconds", "left_out")
+        return {**asdict(self), **{name: getattr(self, name) for name in sums}}

@@ -8,24 +8,38 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import plan, schema
+from formats import lights, plan, schema
 from formats.errors import InputError
 from formats.instances import Instances
 from formats.keyed import Keyed
+from formats.lights import (
+    LIGHTS,
+    RGB,
+    Disc,
+    EnvironmentLight,
+    Light,
+    Polygon,
+    Rectangle,
+    Sphere,
+    Sun,
+)
+from formats.meshes import PlacedMesh
 from formats.scene_file import parse
 from formats.schema import Where, item
-from formats.sprites import QUALITIES, Billboards, Ring, check, complete
+from formats.sprites import QUALITIES, Billboards, Dome, Ring, check, check_source, complete
 from maths import keyframes
 
 __all__ = [
     "NEAR",
     "Billboards",
     "Camera",
+    "Disc",
+    "Dome",
     "EnvironmentLight",
     "Film",
     "Fog",
@@ -35,6 +49,9 @@ __all__ = [
     "Lens",
     "Light",
     "Picture",
+    "PlacedMesh",
+    "Polygon",
+    "Rectangle",
     "Ring",
     "Scene",
     "Sky",
@@ -47,7 +64,6 @@ __all__ = [
 
 FORMAT = 1
 NEAR = 0.1  # metres in front of the camera; what is nearer is not drawn
-RGB = {"sizes": (3,), "low": 0.0, "high": 1e6}
 ALBEDO = {"sizes": (3,), "low": 0.0, "high": 1.0}
 
 
@@ -80,54 +96,6 @@ class Camera:
         "number", "height of the sensor", 24.0, unit="mm", low=1, high=500
     )
     lens: Lens | None = item("table", "calls for depth of field", None, table=Lens)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sun:
-    """Light from far away."""
-
-    type: ClassVar[str] = "sun"
-    to_light: Keyed = item(
-        "keyed", "direction towards the sun, of any length but 0", sizes=(3,), low=-1e6, high=1e6
-    )
-    irradiance: Keyed = item("keyed", "on a surface that faces the sun", unit="W/m2", **RGB)
-    angular_diameter: float = item(
-        "number", "as seen from the ground", 0.53, unit="deg", low=0, high=90
-    )
-
-    def direction(self, t: float) -> NDArray[np.float64]:
-        """Unit vector (3,) towards the sun at t seconds."""
-        found: NDArray[np.float64] = self.to_light.at(t)
-        return found / np.linalg.norm(found)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Sphere:
-    """A glowing ball."""
-
-    type: ClassVar[str] = "sphere"
-    position: Keyed = item("keyed", "centre", unit="m", sizes=(3,), low=-1e6, high=1e6)
-    radius: float = item("number", "radius", unit="m", low=1e-4, high=1e4)
-    radiance: Keyed = item("keyed", "of its surface", unit="W/(m2 sr)", **RGB)
-
-
-@dataclass(frozen=True, kw_only=True)
-class EnvironmentLight:
-    """Light from all around, from a lat-long picture."""
-
-    type: ClassVar[str] = "environment"
-    source: Path = item("source", "lat-long picture", choices=(".exr", ".hdr"))
-    scale: Keyed = item("keyed", "factor on its radiance", 1.0, sizes=(1, 3), low=0, high=1e6)
-    rotate: float = item(
-        "number", "turn about +y, counter-clockwise from above", 0.0, unit="deg", low=-360, high=360
-    )
-
-    def factor(self, t: float) -> NDArray[np.float64]:
-        """Factor (3,) on the radiance at t seconds."""
-        return np.broadcast_to(np.asarray(self.scale.at(t), dtype=np.float64), (3,)).copy()
-
-
-Light = Sun | Sphere | EnvironmentLight
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,9 +154,6 @@ class Picture:
     film: Film = item("table", "exposure and tonemap", {}, table=Film)
 
 
-LIGHTS = {light.type: light for light in (Sun, Sphere, EnvironmentLight)}
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
     """A whole scene.
@@ -211,10 +176,14 @@ class Scene:
     camera: Camera = item("table", "the camera", table=Camera)
     lights: tuple[Light, ...] = item("tables", "lights", [], tables=LIGHTS)
     ground: Ground | None = item("table", "calls for the ground", None, table=Ground)
+    meshes: tuple[PlacedMesh, ...] = item("tables", "opaque meshes", [], tables={"": PlacedMesh})
     billboards: tuple[Billboards, ...] = item("tables", "sprites", [], tables={"": Billboards})
     picture: Picture = item("table", "sky, fog and film", {}, table=Picture)
     force: dict[str, bool] = item(
-        "switches", "effect = true or false, over what the plan found", {}, choices=plan.FRAME
+        "switches",
+        "effect = true or false, over what the plan found; lights = true keeps every light",
+        {},
+        choices=(*plan.FRAME, "lights"),
     )
 
 
@@ -244,6 +213,8 @@ def from_dict(
         raise InputError(where, "", name, remedy)
     place = Where(str(where), root=None if root is None else Path(root))
     found = schema.read_fields(Scene, raw, place)
+    for i, group in enumerate(found.get("billboards", ())):
+        check_source(group, place.at("billboards").item(i))
     quality = QUALITIES.index(found.get("quality", "balanced"))
     found["billboards"] = tuple(complete(b, quality) for b in found.get("billboards", ()))
     scene = Scene(
@@ -287,10 +258,13 @@ def _check(scene: Scene, where: Where) -> None:
             camera.lens.focus_distance.extremes[0], f"focus beyond the focal length, {longest:g} m"
         )
     for i, light in enumerate(scene.lights):
-        if isinstance(light, Sun) and _nearest(light.to_light) < 1e-6:
-            where.at("lights").item(i).at("to_light").refuse(
-                light.to_light.values.tolist(), "keep the direction away from 0 at all times"
-            )
+        lights.check(light, where.at("lights").item(i))
+    for i, mesh in enumerate(scene.meshes):
+        place = where.at("meshes").item(i).at("name")
+        if not schema.NAME.fullmatch(mesh.name):
+            place.refuse(mesh.name, "write at most 64 letters, digits, - and _")
+        if mesh.name in [other.name for other in scene.meshes[:i]]:
+            place.refuse(mesh.name, "give each mesh another name")
     names = [billboards.name for billboards in scene.billboards]
     for i, billboards in enumerate(scene.billboards):
         place = where.at("billboards").item(i)
@@ -311,14 +285,6 @@ def _meeting(camera: Camera) -> float | None:
     nearest = start + np.clip(along, 0, 1)[..., None] * step
     close = np.linalg.norm(nearest, axis=-1) < 1e-6
     return float(moments[:, :-1][close][0]) if close.any() else None
-
-
-def _nearest(keys: Keyed) -> float:
-    """The least length that a keyed vector takes, at 64 moments between each two keys."""
-    share = np.arange(64) / 64
-    between = (keys.times[:-1, None] + np.diff(keys.times)[:, None] * share).ravel()
-    values = _sampled(keys, np.append(between, keys.times[-1]))
-    return float(np.linalg.norm(values, axis=-1).min())
 
 
 def _sampled(keys: Keyed, moments: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,12 +10,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import schema
+from formats import photograph_files, schema
 from formats.instances import Instances, Scatter, placed
 from formats.schema import Where, item
 
 QUALITIES = ("draft", "balanced", "fine", "reference")
 MESHES = (".obj", ".ply", ".stl", ".glb")
+SOURCES = (*MESHES, photograph_files.SUFFIX)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,16 +38,50 @@ class Ring:
         high=4096,
         by_quality=(24, 48, 64, 128),
     )
+    tolerance: float = item(
+        "number",
+        "how far from the elevation photographs still count as on the ring",
+        10.0,
+        unit="deg",
+        low=0.1,
+        high=90,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dome:
+    """The hemisphere of lights under which a sprite is baked: harmonics, then a few numbers."""
+
+    bands: int = item(
+        "integer", "of hemispherical harmonics; 0 chooses by held-out error", 0, low=0, high=8
+    )
+    penalty: float = item(
+        "number", "smoothness of the fit; 0 chooses by held-out error", 0.0, low=0, high=100
+    )
+    channels: int = item("integer", "numbers a pixel, one of them coverage", 16, low=2, high=64)
+    lights: int = item(
+        "integer",
+        "lights of a mesh; photographs have their own",
+        None,
+        low=6,
+        high=1024,
+        by_quality=(48, 64, 96, 128),
+    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Billboards:
-    """One mesh baked as relit sprites, and where they stand."""
+    """One mesh, or one photographed thing, baked as relit sprites, and where they stand."""
 
     name: str = item("text", "of the set; letters, digits, - and _")
-    source: Path = item("source", "mesh", choices=MESHES)
+    source: Path = item("source", "mesh, or light positions of photographs", choices=SOURCES)
     height: float = item("number", "of the object", unit="m", low=1e-3, high=1e4)
-    ring: Ring = item("table", "lights of the bake", {}, table=Ring)
+    ring: Ring | None = item(
+        "table", "a circle of lights; what a mesh gets without either", None, table=Ring
+    )
+    dome: Dome | None = item(
+        "table", "a hemisphere of lights; what photographs get without either", None, table=Dome
+    )
     packing: Literal["chroma", "talk", "full"] = item(
         "text", "how terms share textures", "chroma", choices=("chroma", "talk", "full")
     )
@@ -94,6 +129,11 @@ class Billboards:
     scatter: Scatter | None = item("table", "places by chance", None, table=Scatter)
     shadow: bool = item("flag", "a shadow on the ground where they stand", True)
 
+    @property
+    def photographed(self) -> bool:
+        """Whether photographs are its source, and not a mesh."""
+        return photograph_files.is_photographed(self.source)
+
     def instances(self) -> Instances:
         """Every sprite of the set; the same for the same scene on every machine."""
         return self._instances
@@ -107,22 +147,67 @@ class Billboards:
 
 def complete(billboards: Billboards, quality: int) -> Billboards:
     """Fill what the set leaves open with the numbers of the quality."""
-    ring = billboards.ring
-    if ring.lights is None:
-        least = 3 * ring.terms
-        lights = max(schema.specs(Ring)["lights"].by_quality[quality], least)
+    ring, dome = billboards.ring, billboards.dome
+    if ring is None and dome is None:
+        ring, dome = (None, Dome()) if billboards.photographed else (Ring(), None)
+    if ring is not None and ring.lights is None:
+        lights = max(schema.specs(Ring)["lights"].by_quality[quality], 3 * ring.terms)
         ring = dataclasses.replace(ring, lights=lights)
+    if dome is not None and dome.lights is None:
+        dome = dataclasses.replace(dome, lights=schema.specs(Dome)["lights"].by_quality[quality])
     left: dict[str, Any] = {
         key: spec.by_quality[quality]
         for key, spec in schema.specs(Billboards).items()
         if spec.by_quality and getattr(billboards, key) is None
     }
-    return dataclasses.replace(billboards, ring=ring, **left)
+    return dataclasses.replace(billboards, ring=ring, dome=dome, **left)
 
 
-def check(billboards: Billboards, where: Where) -> None:
-    """Refuse what only several fields of a set together show to be wrong."""
-    ring, place = billboards.ring, where.at("ring")
+# What a bake of a mesh is told and photographs have settled
+OF_MESHES = ("resolution", "samples", "transmission", "gloss", "sky_fill", "sun_diameter", "views")
+
+
+def check_source(billboards: Billboards, where: Where) -> None:
+    """Refuse fields that do not suit the source, before `complete` fills what is left open.
+
+    Photographs are looked up where there is a root, and become sources of the scene too.
+    """
+    ring = billboards.ring
+    if ring is not None and billboards.dome is not None:
+        where.at("dome").refuse("both ring and dome", "write one of them: how the set is lit")
+    is_dome = billboards.dome is not None or (billboards.photographed and ring is None)
+    if is_dome and billboards.packing != "chroma":
+        where.at("packing").refuse(billboards.packing, "remove this line: a dome has its own")
+    if not billboards.photographed:
+        if ring is not None and ring.tolerance != schema.specs(Ring)["tolerance"].default:
+            remedy = "remove this line: the lights of a mesh stand on the ring"
+            where.at("ring").at("tolerance").refuse(ring.tolerance, remedy)
+        return
+    for key in OF_MESHES:
+        given = getattr(billboards, key)
+        if given != schema.specs(Billboards)[key].default:
+            where.at(key).refuse(given, "remove this line: photographs are as they were taken")
+    if billboards.dome is not None and billboards.dome.lights is not None:
+        remedy = "remove this line: photographs have their own lights"
+        where.at("dome").at("lights").refuse(billboards.dome.lights, remedy)
+    if ring is not None:
+        _check_photographed(ring, where.at("ring"))
+    if where.root is not None:
+        for file in photograph_files.require_inside(billboards.source, where.root)[1:]:
+            where.sources[file.resolve().relative_to(where.root.resolve()).as_posix()] = file
+
+
+def _check_photographed(ring: Ring, where: Where) -> None:
+    if ring.axis != "view":
+        where.at("axis").refuse(ring.axis, 'write "view": lights of photographs stand about it')
+    if ring.elevation < 0:
+        where.at("elevation").refuse(ring.elevation, "write 0 or more: towards the camera")
+    if ring.lights is not None:
+        where.at("lights").refuse(ring.lights, "remove this line: photographs have their own")
+
+
+def _check_ring(billboards: Billboards, ring: Ring, where: Where) -> None:
+    place = where.at("ring")
     if ring.terms % 2 == 0:
         place.at("terms").refuse(ring.terms, "write an odd number: 1 and a sine and a cosine each")
     if ring.lights < 3 * ring.terms:
@@ -131,6 +216,12 @@ def check(billboards: Billboards, where: Where) -> None:
         where.at("packing").refuse(billboards.packing, 'write "full", or at least 5 terms')
     if billboards.packing == "talk" and ring.terms != 5:
         where.at("packing").refuse("talk", "write 5 terms: that program has exactly five")
+
+
+def check(billboards: Billboards, where: Where) -> None:
+    """Refuse what only several fields of a set together show to be wrong."""
+    if billboards.ring is not None:
+        _check_ring(billboards, billboards.ring, where)
     if (billboards.positions is None) == (billboards.scatter is None):
         given = "neither" if billboards.positions is None else "both"
         where.at("positions").refuse(given, "write either positions or scatter")

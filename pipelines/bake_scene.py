@@ -10,19 +10,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from bake import billboard, environment, mips, recipe, sources
-from bake.recipe import Baked, Entry, Source
-from bake.store import Store, seconds_of
+from bake import environment, mesh, sources
+from bake.recipe import Entry, Source, Stage
+from bake.store import Store
+from formats import photograph_files, seal
 from formats import scene as scenes
-from formats import seal
-from formats.coefficients import Coefficients
-from formats.effects import largest_lod
 from formats.errors import DamagedError, InputError
-from formats.mesh import Mesh
 from formats.plan import Plan
 from formats.sprites import Billboards
+from pipelines import bake_sprites, reports
 from pipelines.current import MANIFEST_FORMAT, code, digest
 from pipelines.deliver import copy, publish
 from pipelines.plan import build
@@ -68,11 +64,16 @@ def bake_scene(
             watch = None if on_progress is None else partial(on_progress, name)
             entries[name] = run(store, watch)
     if only is None:
-        _assemble(folder, scene, path, plan, entries)
+        # What was baked is measured now: less may be called for, never more
+        measured = reports.of_entries((name, entry.path) for name, entry in entries.items())
+        plan = build(scene, reports=measured)
+        needed = {asset.name for asset in plan.assets}
+        taken = {name: entry for name, entry in entries.items() if name in needed}
+        _assemble(folder, scene, path, plan, taken)
     return SceneBake(folder, plan, entries)
 
 
-Watch = Callable[[float], None]
+Watch = bake_sprites.Watch
 Run = Callable[[Store, Watch | None], Entry]
 
 
@@ -83,96 +84,83 @@ def _jobs(scene: scenes.Scene, plan: Plan) -> Iterator[tuple[str, str, Run]]:
         _, name = asset.name.split("/")
         if asset.kind == "billboard":
             yield asset.name, asset.kind, partial(_billboard, scene, groups[name])
+        elif asset.kind == "mesh":
+            source = next(placed.source for placed in scene.meshes if placed.name == name)
+            yield asset.name, asset.kind, partial(_mesh, source)
         else:
             yield asset.name, asset.kind, partial(_environment, scene.lights[int(name)])
 
 
 def _billboard(scene: scenes.Scene, group: Billboards, store: Store, watch: Watch | None) -> Entry:
-    return bake_billboard(store, group.source, *stage_params(scene, group), watch)
+    return bake_sprites.bake(store, bake_sprites.of_scene(scene, group), watch)
 
 
-def bake_billboard(
-    store: Store,
-    source: Path,
-    trace: billboard.Params,
-    pack: mips.Params,
-    watch: Watch | None = None,
-) -> Entry:
-    """Bake one mesh: rays, then mips and codes, each its own entry."""
-    mesh = _mesh(source)
-    master = located(store, billboard.trace, mesh, params=trace)
-    packed = located(store, mips.pack, Baked(master, Coefficients.load), params=pack)
-    # What the player reads is there already: do not even check the float master
-    if not (packed.hit and master.hit):
-        master = store.run(billboard.trace, mesh, params=trace, on_progress=watch)
-    return store.run(mips.pack, Baked(master, Coefficients.load), params=pack)
+def _mesh(path: Path, store: Store, watch: Watch | None) -> Entry:
+    stage, source, params = _mesh_stage(path)
+    return store.run(stage, source, params=params, on_progress=watch)
 
 
-def located(store: Store, stage: Callable[..., Any], *inputs: Any, params: Any) -> Entry:
-    """Return where an entry is or would be, and whether it is there, without checking its bytes."""
-    contents = recipe.of(stage, inputs, params)
-    key = recipe.key(contents)
-    path = store.folder / f"{contents['stage']}-{key}"
-    return Entry(path, key, path.is_dir(), seconds_of(path))
+def _mesh_stage(path: Path) -> tuple[Stage, Source[Any], Any]:
+    sources.check_file(path)
+    source = Source(sources.files(path), partial(sources.load, path))
+    return mesh.prepare, source, mesh.Params()
+
+
+def known_reports(scene: scenes.Scene, build_folder: Path) -> reports.Reports:
+    """Return the reports of the assets that the store has, as they would be baked now."""
+    if not (build_folder / "store").is_dir():
+        # A look must not make folders
+        return {}
+    store = Store(build_folder / "store")
+    names = [f"billboard/{group.name}" for group in scene.billboards]
+    names += [f"mesh/{placed.name}" for placed in scene.meshes]
+    lights = [isinstance(light, scenes.EnvironmentLight) for light in scene.lights]
+    names += [f"environment/{i}" for i, environment in enumerate(lights) if environment]
+    last = {name: _located(store, scene, name)[-1] for name in names}
+    return reports.of_entries((name, entry.path) for name, entry in last.items() if entry.hit)
 
 
 def known_seconds(scene: scenes.Scene, build_folder: Path) -> Callable[[str], float | None]:
     """Return a look-up of what baking an asset took when it was last baked as it is now."""
     if not (build_folder / "store").is_dir():
-        # A look must not make folders
         return lambda asset: None
     store = Store(build_folder / "store")
-    groups = {group.name: group for group in scene.billboards}
 
     def seconds(asset: str) -> float | None:
-        kind, name = asset.split("/")
-        if kind != "billboard":
-            return None
-        trace, pack = stage_params(scene, groups[name])
-        master = located(store, billboard.trace, _mesh(groups[name].source), params=trace)
-        packed = located(store, mips.pack, Baked(master, Coefficients.load), params=pack)
-        return master.seconds + packed.seconds if master.hit and packed.hit else None
+        entries = _located(store, scene, asset)
+        return sum(e.seconds for e in entries) if all(e.hit for e in entries) else None
 
     return seconds
 
 
-def _mesh(source: Path) -> Source[Mesh]:
-    sources.check_file(source)
-    return Source(sources.files(source), partial(sources.load, source))
-
-
-def stage_params(scene: scenes.Scene, group: Billboards) -> tuple[billboard.Params, mips.Params]:
-    """Turn what a scene says of a set of sprites into the knobs of the two stages."""
-    trace = billboard.Params(
-        resolution=group.resolution,
-        views=group.views,
-        samples=group.samples,
-        axis=group.ring.axis,
-        elevation=float(np.radians(group.ring.elevation)),
-        lights=group.ring.lights,
-        terms=group.ring.terms,
-        sun_diameter=float(np.radians(group.sun_diameter)),
-        sky_fill=group.sky_fill,
-        transmission=group.transmission,
-        gloss=group.gloss,
-    )
-    scale = mips.FILTERS[mips.Params().filter].lens_scale
-    lod = largest_lod(scene, group, group.resolution / group.height, scale)
-    # Whole levels: a small change of the lens then bakes nothing anew
-    pack = mips.Params(
-        max_lod=float(min(7, np.ceil(lod))),
-        packing="full" if group.packing == "full" else "twelve",
-        unpack="talk" if group.packing == "talk" else "chroma",
-    )
-    return trace, pack
+def _located(store: Store, scene: scenes.Scene, asset: str) -> tuple[Entry, ...]:
+    """Return where each stage of an asset's bake is or would be."""
+    kind, name = asset.split("/")
+    if kind == "billboard":
+        group = next(group for group in scene.billboards if group.name == name)
+        return bake_sprites.located(store, bake_sprites.of_scene(scene, group))
+    if kind == "mesh":
+        placed = next(placed for placed in scene.meshes if placed.name == name)
+        stage, source, params = _mesh_stage(placed.source)
+    else:
+        light = scene.lights[int(name)]
+        assert isinstance(light, scenes.EnvironmentLight)
+        stage, source, params = _environment_stage(light)
+    step = bake_sprites.Step(stage, params, lambda path: path)
+    return bake_sprites.located(store, bake_sprites.Sprite(source, (step,)))
 
 
 def _environment(light: scenes.Light, store: Store, watch: Watch | None) -> Entry:
     """Bake an environment as its file has it: the player turns it."""
     if not isinstance(light, scenes.EnvironmentLight):
         raise TypeError(f"{light!r} is not an environment")
+    stage, source, params = _environment_stage(light)
+    return store.run(stage, source, params=params, on_progress=watch)
+
+
+def _environment_stage(light: scenes.EnvironmentLight) -> tuple[Stage, Source[Any], Any]:
     source = Source((light.source,), partial(environment.load, light.source))
-    return store.run(environment.resample, source, params=environment.Params(), on_progress=watch)
+    return environment.resample, source, environment.Params()
 
 
 def _assemble(
@@ -246,7 +234,10 @@ def keys_in_use(build_folder: Path) -> set[str]:
 
 def _sources(scene: scenes.Scene) -> dict[str, str]:
     """Return the digest of every source file, by its path."""
-    named = [group.source for group in scene.billboards]
-    files = [file for source in named for file in sources.files(source)]
+    files: list[Path] = []
+    for group in scene.billboards:
+        listed = photograph_files.files if group.photographed else sources.files
+        files += listed(group.source)
+    files += [file for placed in scene.meshes for file in sources.files(placed.source)]
     files += [light.source for light in scene.lights if isinstance(light, scenes.EnvironmentLight)]
     return {str(f.resolve()): digest(f) for f in dict.fromkeys(files)}

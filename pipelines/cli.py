@@ -95,23 +95,37 @@ def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool)
     "--frames",
     help="A:B or A:B:STEP, frame numbers from A to before B: a sequence, .gif, .webp, .mp4.",
 )
-@click.option("--profile", is_flag=True, help="Print milliseconds, programs, textures a pass.")
+@click.option("--profile", is_flag=True, help="Print what each pass costs.")
+@click.option(
+    "--reference", is_flag=True, help="Trace the scene by paths, as the truth; no OpenGL."
+)
+@click.option(
+    "--samples", type=click.IntRange(2, 65536), default=64, show_default=True,
+    help="Paths a pixel of --reference.",
+)  # fmt: skip
 @root_option
 @build_option
 @jobs_option
 @json_option
 def render(
     scene: Path, out: Path, size: str, times: tuple[float, ...], frames: str | None, profile: bool,
-    root: Path | None, build: Path, jobs: int, as_json: bool,
+    reference: bool, samples: int, root: Path | None, build: Path, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Render SCENE without a window: .png, .exr (linear), sequence, .gif, .webp or .mp4."""
     from pipelines import output
-    from pipelines.render_scene import render_scene
+    from pipelines.render_scene import render_scene, trace_scene
 
     output.use_threads(jobs)
+    if reference:
+        traced = trace_scene(
+            scene, out, size=size, times=times, frames=frames, samples=samples, root=root
+        )
+        output.traced(traced, as_json=as_json)
+        return
     job = render_scene(
-        scene, out, size=size, times=times, frames=frames, root=root, build_folder=build
-    )
+        scene, out, size=size, times=times, frames=frames, root=root, build_folder=build,
+        measured=profile,
+    )  # fmt: skip
     output.rendered(job, as_json=as_json, profile=profile)
 
 

@@ -55,11 +55,17 @@ def dump(data: object) -> None:
 def planned(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool) -> None:
     """Print the plan of a scene file, with measured seconds where it was baked before."""
     from formats import scene as scenes
-    from pipelines import plan
-    from pipelines.bake_scene import known_seconds
+    from pipelines import pass_times, plan
+    from pipelines.bake_scene import known_reports, known_seconds
 
     loaded = scenes.load(scene, root)
-    result = plan.build(loaded, lines=lines, seconds=known_seconds(loaded, build))
+    result = plan.build(
+        loaded,
+        lines=lines,
+        reports=known_reports(loaded, build),
+        seconds=known_seconds(loaded, build),
+        milliseconds=pass_times.known(loaded, build, lines),
+    )
     if as_json:
         click.echo(plan.as_json(result))
     else:
@@ -88,22 +94,41 @@ def rendered(job: RenderJob, *, as_json: bool, profile: bool) -> None:
     for file in job.files:
         click.echo(str(file))
     if profile:
-        dump(job.profile)
+        from pipelines.profile import show
+
+        show(job.profile)
+
+
+def traced(job: RenderJob, *, as_json: bool) -> None:
+    """Say what a reference wrote, and on standard error what it took."""
+    rendered(job, as_json=as_json, profile=False)
+    if as_json:
+        return
+    click.echo(
+        f"{'':24}{'seconds':>9}{'samples':>9}{'Mrays':>9}{'Mray/s':>9}  mean error", err=True
+    )
+    for name, row in job.profile.items():
+        numbers = f"{row['seconds']:9.1f}{row['samples']:9d}{row['rays'] / 1e6:9.1f}"
+        speed = f"{row['rays_per_second'] / 1e6:9.2f}  {row['mean_error']:.3g}"
+        click.echo(f"{name:24}{numbers}{speed}", err=True)
+        for note in row["notes"]:
+            click.echo(f"note: {note}", err=True)
 
 
 def delivered(entry: Entry, out: Path, as_json: bool) -> None:
     """Put an entry's files into the folder that was asked for, whole or not at all, and say so."""
     from formats import report
+    from pipelines import told
     from pipelines.deliver import deliver
 
     deliver(entry.path, out)
-    quality = report.read(entry.path).get("quality", {})
+    data = report.read(entry.path)
+    quality = data.get("quality", {})
     if as_json:
         dump({"folder": str(out), "hit": entry.hit, "seconds": entry.seconds, "quality": quality})
         return
-    for name in ("held_out_psnr", "loss_packing_db", "loss_channels_db", "loss_bits_db"):
-        if name in quality:
-            click.echo(f"{name.replace('_', ' ')}: {quality[name]:.2f}")
+    if told.lines(data):
+        click.echo("\n".join(told.good(quality)))
     for note in quality.get("notes", []):
         click.echo(f"note: {note}", err=True)
     click.echo(str(out))
@@ -118,11 +143,15 @@ def wrote(path: Path, as_json: bool) -> None:
 
 
 def inspected(data: dict[str, Any], as_json: bool) -> None:
-    """Print a description, nested fields indented."""
+    """Print a description: of a sprite what a person asks, of others every field, indented."""
+    from pipelines import told
+
     if as_json:
         dump(data)
-        return
-    _rows(data, "")
+    elif found := told.lines(data):
+        click.echo("\n".join(found))
+    else:
+        _rows(data, "")
 
 
 def _rows(data: dict[str, Any], indent: str) -> None:

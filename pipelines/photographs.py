@@ -11,10 +11,11 @@ from pipelines.cli import build_option, file_path, jobs_option, json_option
 from pipelines.single import folder_out, knob
 
 if TYPE_CHECKING:
-    from bake.dome import Params
     from bake.photographs import Space
-    from bake.recipe import Entry
-    from bake.store import Store
+    from pipelines.bake_sprites import Step
+
+DOME_ALONE = ("space", "bands", "penalty", "channels")
+RING_ALONE = ("tolerance", "terms")
 
 
 @click.command()
@@ -26,44 +27,74 @@ if TYPE_CHECKING:
 @knob("--bands", 0, "Bands of harmonics; 0 chooses by held-out error.")
 @knob("--penalty", 0.0, "Smoothness; 0 chooses by held-out error.")
 @knob("--channels", 16, "Numbers a pixel, four a texture.")
+@click.option("--ring", type=float, help="Take only lights about this elevation, degrees: a ring.")
+@knob("--tolerance", 10.0, "Ring: degrees that a light may stand off it.")
+@knob("--terms", 5, "Ring: circular harmonics kept, odd.")
 @build_option
 @jobs_option
 @json_option
+@click.pass_context
 def photographs(
+    context: click.Context,
+    /,
     source: Path,
     out: Path,
     space: Space,
     hold_out: str,
+    ring: float | None,
     build: Path,
     jobs: int,
     as_json: bool,
     **knobs: Any,
 ) -> None:
     """Bake photographs under a dome of lights, named in a .lp file, into 16 numbers a pixel."""
-    from bake import dome
     from bake.store import Store
-    from formats import report
-    from pipelines import output
+    from pipelines import bake_sprites, output
+    from pipelines.billboard import refuse
 
     output.use_threads(jobs)
-    params = dome.Params(held_out=held_out(source, hold_out), **knobs)
-    entry = bake_dome(Store(build / "store"), source, space, params)
-    if not as_json:
-        click.echo(compared(report.read(entry.path)["quality"]))
+    held = held_out(source, hold_out)
+    if ring is None:
+        refuse(context, RING_ALONE, "add --ring ELEVATION, or remove it")
+        steps = dome_steps(held, knobs)
+    else:
+        refuse(context, DOME_ALONE, "remove it: a ring has no such knob")
+        steps = ring_steps(held, ring, knobs)
+    sprite = bake_sprites.Sprite(bake_sprites.photographs_source(source, space), steps)
+    entry = bake_sprites.bake(Store(build / "store"), sprite)
     output.delivered(entry, out, as_json)
 
 
-def bake_dome(store: Store, source: Path, space: Space, params: Params) -> Entry:
-    """Bake the dome of a `.lp` file, or find it in the store."""
-    from functools import partial
+def dome_steps(held: tuple[int, ...], knobs: dict[str, Any]) -> tuple[Step, ...]:
+    """Return the stage that bakes photographs under a dome with these options."""
+    from bake import dome
+    from pipelines import bake_sprites
 
-    from bake import dome, photographs
-    from bake.recipe import Source
-    from formats.files import light_positions
+    chosen = {name: knobs[name] for name in ("bands", "penalty", "channels")}
+    return (bake_sprites.dome_step(dome.Params(held_out=held, **chosen)),)
 
-    files = dict.fromkeys(light_positions.read(source).files)
-    load = partial(photographs.load, source, space=space)
-    return store.run(dome.fit, Source((source, *files), load), params=params)
+
+def ring_steps(held: tuple[int, ...], elevation: float, knobs: dict[str, Any]) -> tuple[Step, ...]:
+    """Return the stages that bake the photographs whose lights lie near an elevation (degrees)."""
+    from math import radians
+
+    from bake import mips, photograph_ring
+    from formats.errors import InputError
+    from pipelines import bake_sprites
+
+    # The stage has radians, which nobody wrote
+    for flag, value, top in (("--ring", elevation, 85), ("--tolerance", knobs["tolerance"], 90)):
+        if not 0 <= value <= top:
+            raise InputError("command line", flag, value, f"write degrees from 0 to {top}")
+    params = photograph_ring.Params(
+        elevation=radians(elevation),
+        tolerance=radians(knobs["tolerance"]),
+        terms=knobs["terms"],
+        held_out=held,
+    )
+    # Twelve channels hold five terms or more
+    packing = "full" if knobs["terms"] < 5 else "twelve"
+    return bake_sprites.ring_of_photographs(params, mips.Params(packing=packing))
 
 
 def held_out(source: Path, text: str) -> tuple[int, ...]:
@@ -85,20 +116,3 @@ def held_out(source: Path, text: str) -> tuple[int, ...]:
         remedy = f"write names of photographs, such as {names[0]}"
         raise InputError(source, "--hold-out", ", ".join(missing), remedy)
     return tuple(n for n, name in enumerate(names) if name in wanted)
-
-
-def compared(quality: dict[str, Any]) -> str:
-    """Return in a line how well unseen lights are met, and how two other methods meet them."""
-    held = "held_out_psnr" in quality
-    prefix = "held_out" if held else "leave_one_out"
-    what = f"{quality['held_out_lights']} held-out lights" if held else "lights left out in turn"
-    figures = [
-        f"{name} {quality[key]:.2f} dB"
-        for name, key in (
-            ("this", f"{prefix}_psnr"),
-            ("PTM (18 numbers)", f"{prefix}_ptm_18_psnr"),
-            ("HSH (27)", f"{prefix}_hsh_27_psnr"),
-        )
-        if key in quality
-    ]
-    return f"{what}: " + ", ".join(figures)

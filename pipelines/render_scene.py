@@ -6,7 +6,9 @@ import re
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from formats import scene as scenes
 from formats.errors import DamagedError, InputError
 from formats.schema import MAX_SECONDS
-from pipelines import current
+from pipelines import current, pass_times
 
 MAX_SIDE = 16384
 MOVIES = (".gif", ".webp", ".mp4")
@@ -39,11 +41,12 @@ def render_scene(
     frames: str | None = None,
     root: Path | None = None,
     build_folder: Path = Path("build"),
+    measured: bool = False,
 ) -> RenderJob:
     """Render a scene to files. Raises InputError, MachineError, DamagedError.
 
     out : a picture (.png, .exr), a movie (.gif, .webp, .mp4, with `frames`), or a folder for one
-    picture a time or frame.
+    picture a time or frame. measured : then draw some of its frames again to measure each pass.
     """
     width, height = parse_size(size)
     if out.suffix.lower() not in ("", ".png", ".exr", *MOVIES):
@@ -56,9 +59,71 @@ def render_scene(
     try:
         _write(player, wanted, out, scene.time.frame_rate, job)
         job.profile = player.profile
+        if measured:
+            from pipelines import profile
+
+            job.profile = profile.measure(player, [time for _, time in wanted])
     finally:
         player.close()
+    # What one frame took in passing does not replace what was measured
+    if measured or not pass_times.known(scene, build_folder, height):
+        pass_times.keep(scene, build_folder, job.profile)
     return job
+
+
+def trace_scene(
+    path: Path,
+    out: Path,
+    *,
+    size: str = "1280x720",
+    times: tuple[float, ...] = (),
+    frames: str | None = None,
+    samples: int = 64,
+    root: Path | None = None,
+) -> RenderJob:
+    """Trace a scene by paths instead of playing it: no bake, no OpenGL. Raises InputError.
+
+    out : a picture (.png through the film, .exr linear with its standard error) or a folder for one
+    picture a time or frame. samples : paths a pixel.
+    """
+    width, height = parse_size(size)
+    if out.suffix.lower() not in ("", ".png", ".exr"):
+        remedy = "the reference writes .png, .exr or a folder"
+        raise InputError("command line", "--output", str(out), remedy)
+    scene = scenes.load(path, root)
+    from bake import reference, workers
+    from pipelines.output import bars
+
+    wanted, job = _moments(scene, times, frames, out), RenderJob()
+    for name, time in wanted:
+        params = reference.Params(width=width, height=height, time=time, samples=samples)
+        started = perf_counter()
+        with bars() as bar:
+            watch = None if bar is None else partial(bar, name)
+            found = reference.render(scene, params=params, progress=watch or workers.silent)
+        seconds = perf_counter() - started
+        target = _target(out, name, len(wanted))
+        _save_reference(found, scene, time, target)
+        job.files.append(target)
+        job.profile[name] = {
+            "seconds": seconds,
+            "samples": found.samples,
+            "rays": found.rays,
+            "rays_per_second": found.rays / seconds,
+            "mean_error": float(found.error.mean(dtype=np.float64)),
+            "notes": list(found.notes),
+        }
+    return job
+
+
+def _save_reference(found: Any, scene: scenes.Scene, time: float, target: Path) -> None:
+    if target.suffix.lower() == ".exr":
+        found.save(target)
+        return
+    from bake.reference_film import develop
+    from formats.files import image
+
+    image.write(target, develop(found.radiance, scene, time))
 
 
 def view_scene(path: Path, *, size: str, root: Path | None, build_folder: Path) -> None:
@@ -160,16 +225,9 @@ def _write(
         movie.write(out, (player.frame(time)[..., :3] for _, time in wanted), rate, len(wanted))
         job.files.append(out)
         return
-    suffix = out.suffix.lower()
-    single = bool(suffix) and len(wanted) == 1
     for name, time in wanted:
-        target = (
-            out
-            if single
-            else (out.parent / out.stem if suffix else out) / f"{name}{suffix or '.png'}"
-        )
-        target.parent.mkdir(parents=True, exist_ok=True)
-        if suffix == ".exr":
+        target = _target(out, name, len(wanted))
+        if target.suffix.lower() == ".exr":
             from formats.files import exr
 
             linear: NDArray[np.float32] = np.ascontiguousarray(player.linear(time)[..., :3])
@@ -177,6 +235,16 @@ def _write(
         else:
             image.write(target, np.ascontiguousarray(player.frame(time)[..., :3]))
         job.files.append(target)
+
+
+def _target(out: Path, name: str, count: int) -> Path:
+    """Return the file of one of `count` pictures, its folder made."""
+    suffix = out.suffix.lower()
+    target = out
+    if not suffix or count > 1:
+        target = (out.parent / out.stem if suffix else out) / f"{name}{suffix or '.png'}"
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return target
 
 
 def progress(frames: Iterable[NDArray[np.uint8]], total: int) -> Iterator[NDArray[np.uint8]]:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import fields
 from math import radians
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
 
-from pipelines.cli import BUILD, build_option, file_path, jobs_option, json_option
+from pipelines.cli import BUILD, build_option, file_path, json_option
 
 folder_out = click.option(
     "-o", "--output", "out", type=file_path, required=True, help="Folder of the asset."
@@ -19,6 +18,7 @@ folder_out = click.option(
 
 def add_to(group: click.Group) -> None:
     """Hang these commands under the program."""
+    from pipelines.billboard import billboard
     from pipelines.photographs import photographs
 
     for command in (billboard, environment, photographs, relight, inspect, store):
@@ -34,57 +34,6 @@ def knob(
     """Return an option that shows its default."""
     kind = click.Choice(choices) if choices else type(default)
     return click.option(flag, type=kind, default=default, show_default=True, help=text)
-
-
-@click.command()
-@click.argument("source", type=file_path)
-@folder_out
-@knob("--resolution", 512, "Texels along the longer side.")
-@knob("--samples", 16, "Rays a texel.")
-@knob("--views", 1, "1 to 16 sides, evenly about +y.")
-@knob("--axis", "view", "Axis of the ring of lights.", ("view", "up"))
-@knob("--elevation", 30.0, "Degrees above the ring's plane.")
-@knob("--lights", 64, "Directions on the ring.")
-@knob("--lights-per-sample", 0, "How many of them each ray of a texel sees, in turn; 0 chooses.")
-@knob("--terms", 5, "Circular harmonics kept, odd.")
-@knob("--sun-diameter", 0.53, "Degrees each light subtends.")
-@knob("--sky-fill", 0.0, "Even sky, share of the light's irradiance.")
-@knob("--transmission", 0.35, "Light let through by double-sided faces.")
-@knob("--gloss", 0.0, "Strength of the GGX lobe.")
-@knob("--perspective", 0.0, "Degrees of view; 0: orthographic.")
-@knob("--packing", "chroma", "How terms share textures.", ("chroma", "talk", "full"))
-@knob("--max-lod", 4.0, "Coarsest mip for the lens; sizes the border.")
-@click.option("--filter", "mip_filter", help="Mip filter; default: the most like a lens.")
-@knob("--depth", "8", "Bits a channel.", ("8", "16"))
-@build_option
-@jobs_option
-@json_option
-def billboard(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **knobs: Any) -> None:
-    """Bake a relit sprite from a mesh: OBJ, PLY, STL, OFF, GLB, glTF."""
-    from bake import billboard as stage
-    from bake import mips
-    from bake.store import Store
-    from pipelines import bake_scene, output
-
-    output.use_threads(jobs)
-    angles = {
-        "elevation": "elevation",
-        "sun_diameter": "sun_diameter",
-        "field_of_view": "perspective",
-    }
-    turned: dict[str, Any] = {name: radians(knobs[knob]) for name, knob in angles.items()}
-    names = {field.name for field in fields(stage.Params)} & set(knobs) - set(angles)
-    trace = stage.Params(**{name: knobs[name] for name in names}, **turned)
-    packing = {
-        "packing": "full" if knobs["packing"] == "full" else "twelve",
-        "unpack": "talk" if knobs["packing"] == "talk" else "chroma",
-    }
-    chosen = {} if knobs["mip_filter"] is None else {"filter": knobs["mip_filter"]}
-    pack = mips.Params(max_lod=knobs["max_lod"], depth=knobs["depth"], **packing, **chosen)
-    with output.bars() as bar:
-        watch = None if bar is None else lambda fraction: bar(source.name, fraction)
-        entry = bake_scene.bake_billboard(Store(build / "store"), source, trace, pack, watch)
-    output.delivered(entry, out, as_json)
 
 
 @click.command()
@@ -118,8 +67,14 @@ def environment(
     "--light",
     "lights",
     multiple=True,
-    required=True,
     help="X,Y,Z towards the light, or X,Y,Z,R,G,B with its irradiance (default pi).",
+)
+@click.option(
+    "--environment",
+    "environments",
+    multiple=True,
+    metavar="FILE[,SCALE[,ROTATE]]",
+    help="Lat-long map, EXR or HDR, around the sprite, turned by degrees about +y.",
 )
 @click.option(
     "-o",
@@ -135,12 +90,24 @@ def environment(
 @click.option("--exposure", type=float, default=0.0, show_default=True, help="EV.")
 @json_option
 def relight(
-    folder: Path, lights: tuple[str, ...], out: Path, view: int, exposure: float, as_json: bool
+    folder: Path,
+    lights: tuple[str, ...],
+    environments: tuple[str, ...],
+    out: Path,
+    view: int,
+    exposure: float,
+    as_json: bool,
 ) -> None:
-    """Show a sprite under given lights, on the CPU, from the stored codes."""
+    """Show a sprite under the sum of given lights, on the CPU, from the stored codes."""
+    from formats.errors import InputError
     from pipelines import output, relit
 
-    picture = relit.relight(folder, [relit.parse_light(text) for text in lights], view=view)
+    if not lights and not environments:
+        remedy = "give at least one --light or --environment"
+        raise InputError("command line", "--light", "none", remedy)
+    suns = [relit.parse_light(text) for text in lights]
+    maps = [relit.parse_environment(text) for text in environments]
+    picture = relit.relight(folder, suns, maps, view=view)
     relit.write(out, picture, exposure)
     output.wrote(out, as_json)
 

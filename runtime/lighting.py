@@ -1,7 +1,7 @@
 """Light as shaders take it: coefficients per sprite, suns and balls for the ground.
 
 Sprites stand upright and share the camera's yaw, so a sun or an environment has one projection
-for a whole set; sphere lights are projected per sprite, from its centre.
+for a whole set; spheres, discs and polygons are projected per sprite, from its centre.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.scene import EnvironmentLight, Sphere, Sun
+from formats.scene import Disc, EnvironmentLight, Polygon, Rectangle, Sphere, Sun
 from maths import circular_harmonics, transforms
 
 Array = NDArray[np.float64]
@@ -21,11 +21,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class SunState:
-    """A sun at one moment: unit direction towards it, perpendicular irradiance, radius (rad)."""
+    """A sun at one moment: unit direction towards it, perpendicular irradiance, radius (rad).
+
+    above : share of its disc over the ground's horizon, which the irradiance has lost already.
+    """
 
     to_light: Array
     irradiance: Array
     radius: float
+    above: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,29 @@ class SphereState:
     position: Array
     radius: float
     radiance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class DiscState:
+    """A glowing flat disc at one moment; axis : unit, where its front faces."""
+
+    position: Array
+    axis: Array
+    radius: float
+    radiance: Array
+    two_sided: bool
+
+
+@dataclass(frozen=True, eq=False)
+class PolygonState:
+    """A glowing rectangle or polygon at one moment.
+
+    corners : (k, 3), counter-clockwise as seen from its front.
+    """
+
+    corners: Array
+    radiance: Array
+    two_sided: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +80,8 @@ class Lights:
     suns: tuple[SunState, ...]
     spheres: tuple[SphereState, ...]
     environments: tuple[EnvironmentState, ...]
+    discs: tuple[DiscState, ...] = ()
+    polygons: tuple[PolygonState, ...] = ()
 
 
 def at(scene: Any, time: float, turn: tuple[float, float] = (0.0, 0.0)) -> Lights:
@@ -61,7 +90,7 @@ def at(scene: Any, time: float, turn: tuple[float, float] = (0.0, 0.0)) -> Light
     turn : (azimuth, elevation) radians added to the first sun, for a viewer. Where there is a
     ground, a sun fades as its disc sets behind the horizon.
     """
-    suns, spheres, environments = [], [], []
+    suns, spheres, environments, discs, polygons = [], [], [], [], []
     for index, light in enumerate(scene.lights):
         if isinstance(light, Sun):
             direction = light.direction(time)
@@ -69,15 +98,23 @@ def at(scene: Any, time: float, turn: tuple[float, float] = (0.0, 0.0)) -> Light
                 direction = turned(direction, *turn)
             radius = np.radians(light.angular_diameter) / 2
             up = above_horizon(direction, radius) if scene.ground else 1.0
-            suns.append(SunState(direction, np.asarray(light.irradiance.at(time)) * up, radius))
+            irradiance = np.asarray(light.irradiance.at(time)) * up
+            suns.append(SunState(direction, irradiance, radius, up))
         elif isinstance(light, Sphere):
             spheres.append(
                 SphereState(light.position.at(time), light.radius, light.radiance.at(time))
             )
+        elif isinstance(light, Disc):
+            where, axis = light.position.at(time), light.axis(time)
+            emitted = light.radiance.at(time)
+            discs.append(DiscState(where, axis, light.radius, emitted, light.two_sided))
+        elif isinstance(light, Rectangle | Polygon):
+            corners, emitted = light.corners(time), light.radiance.at(time)
+            polygons.append(PolygonState(corners, emitted, light.two_sided))
         elif isinstance(light, EnvironmentLight):
             turn_of_map = np.radians(light.rotate)
             environments.append(EnvironmentState(index, light.factor(time), turn_of_map))
-    return Lights(tuple(suns), tuple(spheres), tuple(environments))
+    return Lights(tuple(suns), tuple(spheres), tuple(environments), tuple(discs), tuple(polygons))
 
 
 def turned(direction: Array, azimuth: float, elevation: float) -> Array:
@@ -96,6 +133,44 @@ def above_horizon(direction: Array, radius: float) -> float:
     return 0.5 + (x * np.sqrt(1 - x * x) + np.arcsin(x)) / np.pi
 
 
+class RingSeries:
+    """How sprites under a ring of lights count light: circular harmonics.
+
+    rows : numbers of a light that the shader takes. length : terms K of a series. key : what makes
+    two of the same kind equal. mirror : (K,) factors of a light mirrored along x. turns : whether
+    a turn about +y only rotates a series.
+    """
+
+    def __init__(self, ring: Any) -> None:
+        self.rows = self.length = ring.terms
+        self._basis = {
+            "axis": ring.axis,
+            "elevation": ring.elevation,
+            "one_sided": ring.one_sided,
+        }
+        self.key: tuple[Any, ...] = ("ring", ring.terms, *self._basis.values())
+        self.mirror = mirror_signs(ring.terms)
+        self.turns = ring.axis == "up"
+
+    def sun(self, direction: Array, irradiance: Array) -> Array:
+        """Series (K, 3) of a sun towards `direction`, sprite's frame."""
+        return circular_harmonics.project_sun(direction, irradiance, self.length, **self._basis)
+
+    def sphere(self, offsets: Array, radius: float, radiance: Array) -> Array:
+        """Series (n, K, 3) of a ball whose centre is at `offsets` (n, 3) from the sprites."""
+        return circular_harmonics.project_sphere(
+            offsets, radius, radiance, self.length, **self._basis
+        )
+
+    def environment(self, radiance: Array, yaw: float) -> Array:
+        """Series (K, 3) of a lat-long map seen by a sprite turned by `yaw`."""
+        return circular_harmonics.project_environment(radiance, self.length, **self._basis, yaw=yaw)
+
+    def constants(self, series: Array) -> Array:
+        """Rows (..., rows, 3) for the shader of series (..., K, 3): the terms themselves."""
+        return series
+
+
 class SpriteLighting:
     """Projects lights for sets of sprites; keeps the projections that cost something."""
 
@@ -110,60 +185,61 @@ class SpriteLighting:
     def project(
         self,
         lights: Lights,
-        ring: Any,
+        series: Any,
         yaw: float,
         centres: Array,
         flip: NDArray[np.bool_],
         shares: Sequence[Array | None] = (),
     ) -> tuple[Array, NDArray[np.int64]]:
-        """Return (rows, index): row index[i] of `rows` (m, K, 3) lights the sprite i.
+        """Return (rows, index): row index[i] of `rows` (m, R, 3) lights the sprite i.
 
-        yaw : of the camera, radians. centres : (n, 3) of the sprites, metres. flip : (n,) mirrored
-        sprites, whose light is mirrored along x (t -> pi - t) just as their picture is. shares :
-        for each sun, (n,) of it that reaches the sprites, None where all of it does.
+        series : RingSeries or DomeSeries, with R rows. yaw : of the camera, radians. centres : (n,
+        3) of the sprites, metres. flip : (n,) mirrored sprites, whose light is mirrored along x
+        just as their picture is. shares : for each sun, (n,) of it that reaches the sprites, None
+        where all of it does.
         """
-        basis = {"axis": ring.axis, "elevation": ring.elevation, "one_sided": ring.one_sided}
-        shared = np.zeros((ring.terms, 3))
+        shared = np.zeros((series.length, 3))
         sprite_from_world = transforms.rotation("y", -yaw)
         parts: list[tuple[Array, Array]] = []
         for number, sun in enumerate(lights.suns):
-            row = circular_harmonics.project_sun(
-                sprite_from_world @ sun.to_light, sun.irradiance, ring.terms, **basis
-            )
+            row = series.sun(sprite_from_world @ sun.to_light, sun.irradiance)
             share = shares[number] if number < len(shares) else None
             if share is None:
                 shared += row
             else:
                 parts.append((share, row))
         for environment in (e for e in lights.environments if e.index in self._maps):
-            shared += self._environment(environment, ring, yaw, basis) * environment.factor
-        mirror = mirror_signs(ring.terms)[:, None]
-        if not lights.spheres and not parts:
-            return np.stack([shared, shared * mirror]), flip.astype(np.int64)
+            shared += self._environment(environment, series, yaw) * environment.factor
+        mirror = series.mirror[:, None]
+        near = lights.spheres or lights.discs or lights.polygons
+        if not near and not parts:
+            both = series.constants(np.stack([shared, shared * mirror]))
+            return both, flip.astype(np.int64)
         rows = np.repeat(shared[None], len(centres), axis=0)
         for share, row in parts:
             rows += share[:, None, None] * row
         for ball in lights.spheres:
             offset = (ball.position - centres) @ sprite_from_world.T
-            rows += circular_harmonics.project_sphere(
-                offset, ball.radius, ball.radiance, ring.terms, **basis
-            )
-        rows[flip] *= mirror
-        return rows, np.arange(len(centres))
+            rows += series.sphere(offset, ball.radius, ball.radiance)
+        if lights.discs or lights.polygons:
+            from runtime import flat_lights
 
-    def _environment(self, state: EnvironmentState, ring: Any, yaw: float, basis: Any) -> Array:
+            for towards, light in flat_lights.suns(lights, centres):
+                rows += series.sun(towards @ sprite_from_world.T, light).sum(axis=1)
+        rows[flip] *= mirror
+        return series.constants(rows), np.arange(len(centres))
+
+    def _environment(self, state: EnvironmentState, series: Any, yaw: float) -> Array:
         turn = yaw - state.rotate
         # About the up axis a turn only rotates the series: project once for all yaws
-        seen_from = 0.0 if ring.axis == "up" else round(turn, 9)
-        key = (state.index, ring.terms, *basis.values(), seen_from)
+        seen_from = 0.0 if series.turns else round(turn, 9)
+        key = (state.index, *series.key, seen_from)
         if key not in self._kept:
-            if ring.axis == "view":
+            if not series.turns:
                 self._kept = {k: v for k, v in self._kept.items() if k[:-1] != key[:-1]}
-            self._kept[key] = circular_harmonics.project_environment(
-                self._maps[state.index], ring.terms, **basis, yaw=seen_from
-            )
+            self._kept[key] = series.environment(self._maps[state.index], seen_from)
         found = self._kept[key]
-        return circular_harmonics.rotate(found, -turn, axis=0) if ring.axis == "up" else found
+        return circular_harmonics.rotate(found, -turn, axis=0) if series.turns else found
 
 
 def mirror_signs(terms: int) -> Array:

@@ -6,7 +6,10 @@ is the plan's effects read top to bottom. The same time gives the same bytes in 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -16,16 +19,17 @@ from numpy.typing import NDArray
 
 from formats import scene as scenes
 from formats import seal
-from formats.billboard import Billboard
 from formats.errors import DamagedError, InputError
 from formats.files.reading import strict_json
-from runtime import capture, lighting, sprites
+from runtime import capture, lighting, reuse, sprites
 from runtime.camera import Camera
 from runtime.frame import Frame
 from runtime.shader import Programs
 
 FORMAT = 1
 LARGEST = 16384  # pixels a side
+HALF_PIXEL = 0.5  # a smaller circle of confusion changes nothing
+SAMPLES = 4  # a pixel of what is opaque, where meshes have edges
 
 
 class Player:
@@ -33,14 +37,21 @@ class Player:
 
     folder : what `bakelight bake` wrote. size : (width, height) pixels. context : a moderngl
     context to draw with; without one a headless context is made, and released again by `close`.
-    camera : set it to a runtime.camera.Camera to look from elsewhere than the scene does.
-    sun_turn : (azimuth, elevation) radians added to the first sun. Raises InputError where there
+    camera : set it to a runtime.camera.Camera to look from elsewhere than the scene does. roaming :
+    it will be: also draw ground and sky where the plan left them out as never seen.
+    sun_turn : (azimuth, elevation) radians added to the first sun. reuse : set it to False to draw
+    every pass of every frame. Raises InputError where there
     is no such scene, DamagedError where its bytes changed, MachineError where no OpenGL context
     can be made.
     """
 
     def __init__(
-        self, folder: str | Path, *, size: tuple[int, int] = (640, 360), context: Any = None
+        self,
+        folder: str | Path,
+        *,
+        size: tuple[int, int] = (640, 360),
+        context: Any = None,
+        roaming: bool = False,
     ) -> None:
         self.folder = Path(folder)
         if not all(1 <= side <= LARGEST for side in size):
@@ -51,27 +62,41 @@ class Player:
         self.scene = scenes.from_dict(
             manifest["scene"], where=where, root=None, name=manifest["name"]
         )
-        effects = manifest["plan"]["effects"]
-        self.called = tuple(effect["name"] for effect in effects if effect["called"])
+        plan = manifest["plan"]
+        self._take_lights(plan.get("lights", []))
+        found = {"ground": self.scene.ground, "sky": self.scene.picture.sky} if roaming else {}
+        unseen = [name for name, described in found.items() if described is not None]
+        lines = size[1] / plan.get("lines", size[1])
+        self.called = tuple(
+            effect["name"]
+            for effect in plan["effects"]
+            if effect["called"]
+            or (not effect.get("forced") and (effect["name"] in unseen or _finer(effect, lines)))
+        )
         self.camera: Camera | None = None
         self.sun_turn = (0.0, 0.0)
+        self.reuse, self.skipped = True, tuple[str, ...]()
+        self._reuse, self._made_for = reuse.Reuse(), tuple[Any, ...]()
+        self._linked: dict[str, int] = {}
         self._made: list[Any] = []
         # Decode assets while the driver starts
         with ThreadPoolExecutor() as pool:
             loading = self._load_sprites(pool)
             self._owns_context = context is None
             self.ctx = capture.make_context() if context is None else context
-            self.targets = Frame(self.ctx, size)
+            self.targets = Frame(self.ctx, size, SAMPLES if "surface" in self.called else 1)
             self.programs = Programs(self.ctx)
-            self.sprites = [
-                sprites.load(self.ctx, self.targets, billboards, asset.result())
-                for billboards, asset in loading
-            ]
+            with self._within("billboard"):
+                self.sprites = [
+                    sprites.load(self.ctx, self.targets, billboards, asset.result())
+                    for billboards, asset in loading
+                ]
         self.sprite_lighting = lighting.SpriteLighting()
         self.look(0.0)
         self.passes: dict[str, Any] = {}
         for name in self.called:
-            self.passes[name] = import_module(f"runtime.passes.{name}").Pass(self)
+            with self._within(name):
+                self.passes[name] = import_module(f"runtime.passes.{name}").Pass(self)
         _check_order(self.passes)
         uses = {t for p in self.passes.values() for t in (*p.reads, *p.writes)}
         self._depth = "depth" if "depth" in uses else None
@@ -89,16 +114,74 @@ class Player:
         return self._read("colour", np.float16).astype(np.float32)
 
     def draw(self, time: float, *, finished: bool = True) -> None:
-        """Draw the frame of `time` seconds into the targets `colour` and, finished, `picture`."""
-        self.look(time)
-        self.targets.draw_calls = 0
-        target = self.targets.target("colour", self._depth)
+        """Draw the frame of `time` seconds into the targets `colour` and, finished, `picture`.
+
+        A pass whose inputs did not change since the last frame is not run again.
+        """
+        self.targets.begin()
+        with self.targets.timed("start"):
+            self.look(time)
+            wanted = {n: p for n, p in self.passes.items() if finished or n != "film"}
+            steps, chain = self._steps(wanted, time)
+            if steps.restore:
+                self.targets.restore(steps.restore_depth)
+        clear = steps.first == 0
+        self.skipped = tuple(wanted)[: steps.first]
+        for number, (name, drawn) in enumerate(wanted.items()):
+            if number < steps.first:
+                continue
+            # The first pass that is not opaque sees the mean of the samples
+            if (drawn.reads or drawn.writes) and not getattr(drawn, "opaque", False):
+                self._resolve()
+            if number == steps.keep:
+                self._resolve()
+                with self.targets.timed("keep"):
+                    self.targets.keep(steps.keep_depth)
+            with self._within(name), self.targets.timed(name):
+                # A clear by itself would cost more: drivers join it with the first draw
+                if clear and drawn.writes:
+                    self._clear()
+                    clear = False
+                drawn.draw(time)
+        if clear:
+            self._clear()
+        self._resolve()
+        self._reuse.done(chain, steps)
+
+    def _steps(self, wanted: dict[str, Any], time: float) -> tuple[reuse.Steps, reuse.Chain]:
+        if not self.reuse:
+            self._reuse.forget()
+            return reuse.Steps(), ()
+        # What was drawn is gone where the targets were made anew
+        made = (self.targets.generation, *self.passes)
+        if made != self._made_for:
+            self._reuse.forget()
+            self._made_for = made
+        chain = tuple((name, reuse.key(drawn, time)) for name, drawn in wanted.items())
+        return self._reuse.plan(chain, list(wanted.values()), self.targets.samples > 1), chain
+
+    def _clear(self) -> None:
+        owner, self.targets.owner = self.targets.owner, "start"
+        sampled = self.targets.samples > 1
+        target = self.targets.opaque() if sampled else self.targets.target("colour", self._depth)
         target.use()
         target.clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
-        for name, drawn in self.passes.items():
-            if finished or name != "film":
-                with self.targets.timed(name):
-                    drawn.draw(time)
+        self.targets.owner = owner
+
+    def _resolve(self) -> None:
+        if self.targets.unresolved:
+            with self.targets.timed("resolve"):
+                self.targets.resolve()
+
+    @contextmanager
+    def _within(self, name: str) -> Iterator[None]:
+        """Count programs linked meanwhile as those of a pass."""
+        before, owner, self.targets.owner = self.programs.count, self.targets.owner, name
+        try:
+            yield
+        finally:
+            self.targets.owner = owner
+            self._linked[name] = self._linked.get(name, 0) + self.programs.count - before
 
     def look(self, time: float) -> None:
         """Set camera (`view`) and `lights` to those of `time` seconds."""
@@ -107,7 +190,12 @@ class Player:
 
     @property
     def profile(self) -> dict[str, Any]:
-        """Counts, and milliseconds per pass of the last frame; `timing` says how time was taken."""
+        """Counts of the last frame, and milliseconds of each pass when it last ran.
+
+        timing : how time was taken.
+        by_pass : programs, textures, bytes and draw calls of each pass; `start` has what all share.
+        skipped : passes that the last frame did not run again.
+        """
         targets = self.targets
         return {
             "renderer": self.ctx.info["GL_RENDERER"],
@@ -119,7 +207,22 @@ class Player:
             "draw_calls": targets.draw_calls,
             "milliseconds": dict(targets.milliseconds),
             "timing": targets.timing,
+            "skipped": list(self.skipped),
+            "by_pass": self._by_pass(),
         }
+
+    def _by_pass(self) -> dict[str, dict[str, int]]:
+        textures, calls = self.targets.textures, self.targets.calls
+        found = {}
+        for name in dict.fromkeys(("start", *self.passes, *textures, *calls)):
+            count, size = textures.get(name, (0, 0))
+            found[name] = {
+                "programs": self._linked.get(name, 0),
+                "textures": count,
+                "bytes": size,
+                "draw_calls": calls.get(name, 0),
+            }
+        return found
 
     def close(self) -> None:
         """Free everything on the card; the context too where the player made it."""
@@ -151,9 +254,12 @@ class Player:
                 raise DamagedError(folder, "", "missing", "bake the scene again")
         return found
 
-    def vertex_array(self, program: Any, content: Any = ()) -> Any:
-        """Return a vertex array that `close` frees; without content the shader counts vertices."""
-        return self._keep(self.ctx.vertex_array(program, list(content)))
+    def vertex_array(self, program: Any, content: Any = (), index: Any = None) -> Any:
+        """Return a vertex array that `close` frees; without content the shader counts vertices.
+
+        index : buffer of 32-bit numbers of vertices, None to take them in order.
+        """
+        return self._keep(self.ctx.vertex_array(program, list(content), index))
 
     def buffer(self, size: int) -> Any:
         """Return a vertex buffer of `size` bytes that `close` frees."""
@@ -163,7 +269,15 @@ class Player:
         self._made.append(made)
         return made
 
-    def _load_sprites(self, pool: ThreadPoolExecutor) -> list[tuple[Any, Future[Billboard]]]:
+    def _take_lights(self, plans: list[dict[str, Any]]) -> None:
+        """Drop the lights that the plan left out; maps are named by their light's new number."""
+        left_out = {plan["index"] for plan in plans if not plan["kept"]}
+        kept = [i for i in range(len(self.scene.lights)) if i not in left_out]
+        number = {f"environment/{old}": f"environment/{new}" for new, old in enumerate(kept)}
+        self._assets = {number.get(name, name): path for name, path in self._assets.items()}
+        self.scene = replace(self.scene, lights=tuple(self.scene.lights[i] for i in kept))
+
+    def _load_sprites(self, pool: ThreadPoolExecutor) -> list[tuple[Any, Future[Any]]]:
         if "billboard" not in self.called:
             return []
         folders = self.folders("billboard")
@@ -171,7 +285,7 @@ class Player:
         if missing:
             where = f"assets.billboard/{missing[0]}"
             raise DamagedError(self.folder / "manifest.json", where, "missing", "bake it again")
-        return [(b, pool.submit(Billboard.load, folders[b.name])) for b in self.scene.billboards]
+        return [(b, pool.submit(sprites.read, folders[b.name])) for b in self.scene.billboards]
 
     def _read(self, name: str, dtype: Any) -> NDArray[Any]:
         width, height = self.targets.size
@@ -187,6 +301,11 @@ def _manifest(folder: Path) -> dict[str, Any]:
     if not isinstance(data, dict) or data.get("format") != FORMAT:
         raise DamagedError(path, "format", f"not {FORMAT}", "bake the scene again")
     return data
+
+
+def _finer(effect: dict[str, Any], lines: float) -> bool:
+    """Tell whether a circle under half a pixel of the plan's lines is not of so many times them."""
+    return effect.get("unit") == "px" and effect["bound"] * lines >= HALF_PIXEL
 
 
 def _check_order(passes: dict[str, Any]) -> None:

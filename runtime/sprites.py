@@ -3,24 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from runtime import upload
+from formats import report
+from formats.billboard import Billboard
+from formats.errors import InputError
+from runtime import lighting, upload
 from runtime.sprite_shadows import coarse_coverage
 
 Array = NDArray[np.float64]
-PACKINGS = {"full": 0, "chroma": 1, "talk": 2}
+PACKINGS = {"full": 0, "chroma": 1, "talk": 2, "dome": 3}
 
 
 @dataclass(eq=False)
 class SpriteSet:
     """One set: asset, texture and instances.
 
-    scale : (n,) factor on the asset's metres per texel. boxes : (levels, 4) texture coordinates
-    of what is not empty at this level or a finer one, edges of the bilinear filter included.
+    asset : formats.billboard.Billboard or formats.dome.Dome. series : how it counts light, see
+    runtime.lighting. scale : (n,) factor on the asset's metres per texel. boxes : (levels, 4)
+    texture coordinates of what is not empty at this level or a finer one, edges of the bilinear
+    filter included.
     foot, crown : half widths, metres at scale 1, near the ground point and of the whole object.
     cover : mean coverage inside the object's own box. coarse, coarse_texel : coverage (h, w) at a
     coarse level and metres of its texel, for shadows on other sprites.
@@ -28,6 +35,7 @@ class SpriteSet:
 
     name: str
     asset: Any
+    series: Any
     texture: Any
     positions: Array
     scale: Array
@@ -53,6 +61,9 @@ class SpriteSet:
     def defines(self) -> dict[str, int]:
         """How the shader unpacks this set."""
         asset = self.asset
+        if is_dome(asset):
+            packing = PACKINGS["dome"]
+            return {"TERMS": asset.channels, "PLANES": asset.planes, "PACKING": packing}
         simple = asset.packing == "full" or asset.ring.terms < 5
         packing = PACKINGS["full" if simple else asset.unpack]
         return {"TERMS": asset.ring.terms, "PLANES": asset.planes, "PACKING": packing}
@@ -73,10 +84,33 @@ def decoding(asset: Any) -> tuple[Array, Array]:
     scale = np.array(asset.scales, np.float64)
     offset = np.zeros_like(scale)
     if asset.levels[0].dtype == np.uint8:
+        signed = np.ones(scale.shape, bool)
+        signed[0] = [True, True, True, False] if is_dome(asset) else False
         # (q - 128) / 127 where the card gives q / 255
-        offset[1:] = scale[1:] * (-128 / 127)
-        scale[1:] *= 255 / 127
+        offset[signed] = scale[signed] * (-128 / 127)
+        scale[signed] *= 255 / 127
     return scale, offset
+
+
+def is_dome(asset: Any) -> bool:
+    """Whether an asset is a formats.dome.Dome: it has no ring."""
+    return not hasattr(asset, "ring")
+
+
+def read(folder: Path) -> Any:
+    """Read the asset of a set, a sprite under a ring or under a dome.
+
+    Raises InputError for a dome without coverage or of stored codes, DamagedError as `load` of
+    formats.billboard and formats.dome.
+    """
+    if report.read(folder).get("kind") != "dome":
+        return Billboard.load(folder)
+    asset = import_module("formats.dome").Dome.load(folder)
+    if not asset.coverage:
+        raise InputError(folder, "coverage", "none", "bake it as a billboard of a scene")
+    if asset.space != "linear":
+        raise InputError(folder, "space", asset.space, "light adds up in linear space: use linear")
+    return asset
 
 
 def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
@@ -90,6 +124,7 @@ def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
     return SpriteSet(
         name=billboards.name,
         asset=asset,
+        series=series_of(asset),
         texture=texture,
         positions=np.asarray(instances.positions, np.float64),
         scale=np.asarray(instances.scale, np.float64) * factor,
@@ -104,6 +139,13 @@ def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
         coarse=coarse,
         coarse_texel=coarse_texel,
     )
+
+
+def series_of(asset: Any) -> Any:
+    """Return how an asset counts light; only a dome imports what domes need."""
+    if is_dome(asset):
+        return import_module("runtime.dome_series").DomeSeries(asset)
+    return lighting.RingSeries(asset.ring)
 
 
 def boxes(levels: Any, planes: int) -> Array:

@@ -181,7 +181,9 @@ def view(
     window = _window(glfw, size)
     try:
         context = capture.window_context(glfw.get_proc_address)
-        with Player(folder, size=glfw.get_framebuffer_size(window), context=context) as player:
+        with Player(
+            folder, size=glfw.get_framebuffer_size(window), context=context, roaming=True
+        ) as player:
             glfw.set_window_title(window, f"{player.scene.name} - bakelight")
             viewer = Viewer(player, Path(pictures), _say, time)
             _connect(glfw, window, viewer)

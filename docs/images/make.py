@@ -1,7 +1,9 @@
-"""Render the README's pictures again: the grove at four hours and through a day, a tree relit.
+"""Render the pictures of README and docs again: the grove at four hours and through a day, a tree
+relit, and a sprite's light by four methods.
 
 Run by `make images`; other hours may be given. Writes grove.webp (four panels, 1200 pixels wide,
-under 400 kB), grove-day.webp (a loop of 72 frames, under 3 MB) and relit.webp beside this file.
+under 400 kB), grove-day.webp (a loop of 72 frames, under 3 MB), relit.webp and normal-map.webp
+beside this file.
 """
 
 import subprocess
@@ -11,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[1]
@@ -33,6 +35,17 @@ LIGHTS = [
 ]
 BACKDROP = (20, 24, 34)
 
+# One sprite by four methods, under two of the lights that the study of normal maps tests
+COMPARED, COMPARED_LIGHTS, COMPARED_BYTES = "lantern", (6, 21), 200_000
+BRIGHTER = 2.2  # than measured, to be seen
+METHODS = {
+    "truth": "truth",
+    "normal": "normal map, 8 bytes",
+    "ptm": "PTM, 18 bytes",
+    "ring": "ring, 12 bytes",
+    "dome": "dome, 16 bytes",
+}
+
 
 def relit(folder: Path) -> Image.Image:
     """Bake a tree once and show it under each of the lights, side by side."""
@@ -51,6 +64,36 @@ def relit(folder: Path) -> Image.Image:
     sheet = Image.new("RGB", (WIDTH, trees[0].height + 24), BACKDROP)
     for i, tree in enumerate(trees):
         sheet.paste(tree, (i * width, 12), tree)
+    return sheet
+
+
+def compared() -> Image.Image:
+    """Show truth and methods side by side, a row a light, with the PSNR of each."""
+    from maths.colour import srgb_decode, srgb_encode
+    from pipelines.studies import normal_map, subjects
+
+    mesh, setting = subjects.named(COMPARED), subjects.Setting()
+    lights = normal_map.unseen()[list(COMPARED_LIGHTS)]
+    one = normal_map.subject(mesh, setting, resolution=420, lights=lights)
+    found = normal_map.errors(one)
+    assert one.truth.coverage is not None
+    behind = srgb_decode(np.array(BACKDROP) / 255) * (1 - one.truth.coverage[..., None])
+    width, (height, wide) = WIDTH // len(METHODS), one.truth.coverage.shape
+    sheet = Image.new("RGB", (WIDTH, 30 + 2 * (height + 40)), BACKDROP)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(17)
+    for column, (method, title) in enumerate(METHODS.items()):
+        middle = column * width + width // 2
+        draw.text((middle, 20), title, "white", font, anchor="mm")
+        for row, light in enumerate(lights):
+            truth = method == "truth"
+            picture = one.truth.pictures[row] if truth else one.methods[method](light)
+            shown = BRIGHTER * picture * (one.truth.coverage[..., None] > 0) + behind
+            codes = np.rint(255 * srgb_encode(np.clip(shown, 0, 1))).astype(np.uint8)
+            top = 40 + row * (height + 40)
+            sheet.paste(Image.fromarray(codes), (middle - wide // 2, top))
+            elevation = np.degrees(np.arcsin(light[2]))
+            said = f"{elevation:.0f} degrees" if truth else f"{found[method][row]:.1f} dB"
+            draw.text((middle, top + height + 14), said, "white", font, anchor="mm")
     return sheet
 
 
@@ -99,6 +142,7 @@ def main() -> None:
     save([arrange(stills)], HERE / "grove.webp", SHEET_BYTES)
     save(frames, HERE / "grove-day.webp", DAY_BYTES)
     save([tree], HERE / "relit.webp", SHEET_BYTES)
+    save([compared()], HERE / "normal-map.webp", COMPARED_BYTES)
 
 
 if __name__ == "__main__":

@@ -57,12 +57,12 @@ def decode(
     with refusing(name, "picture (PNG, JPEG, WebP or TIFF)"):
         codes, top = _codes(data, name)
     scale = np.arange(top + 1, dtype=np.float64) / top
-    stored: NDArray[np.float32] = scale.astype(np.float32)[codes]
-    if space == "linear":
-        colours = codes.shape[2] - (codes.shape[2] in (2, 4))
-        decoded = np.asarray(colour.srgb_decode(scale), np.float32)
-        stored[..., :colours] = decoded[codes[..., :colours]]
-    return stored
+    if space == "stored":
+        return scale.astype(np.float32).take(codes)
+    linear = np.asarray(colour.srgb_decode(scale), np.float32).take(codes)
+    if codes.shape[2] in (2, 4):
+        linear[..., -1] = scale.astype(np.float32).take(codes[..., -1])
+    return linear
 
 
 def write(path: Path, image: NDArray[Any]) -> None:

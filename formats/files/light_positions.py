@@ -7,6 +7,8 @@ paths of another machine, vectors that are not of unit length and lights just un
 
 from __future__ import annotations
 
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
@@ -53,10 +55,10 @@ def read(path: Path) -> LightPositions:
     if count != len(lines) - 1:
         value = f"{count} announced, {len(lines) - 1} lines follow"
         raise InputError(path, "count", value, "make the first line the number of photographs")
-    files, vectors = [], np.empty((count, 3))
+    files, vectors, beside = [], np.empty((count, 3)), _beside(path.parent)
     for n, (i, line) in enumerate(lines[1:]):
         name, vectors[n] = _entry(path, i, line)
-        files.append(_found(path, i, name))
+        files.append(_found(path, i, name, beside))
     lengths = np.sqrt(np.sum(np.square(vectors), axis=1))
     directions = vectors / lengths[:, None]
     for (i, _), direction in zip(lines[1:], directions, strict=True):
@@ -69,7 +71,7 @@ def read(path: Path) -> LightPositions:
 def _text(path: Path) -> str:
     data = read_bytes(path, MAX_FILE_BYTES)
     try:
-        return data.decode("utf-8-sig")
+        return data.decode("utf-16" if data[:2] in (BOM_UTF16_LE, BOM_UTF16_BE) else "utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("latin-1")
 
@@ -96,13 +98,25 @@ def _entry(path: Path, i: int, line: str) -> tuple[str, list[float]]:
     return parts[0].strip("\"'"), vector
 
 
-def _found(path: Path, i: int, name: str) -> Path:
-    """Return the file: under its relative path, else by its last name beside the `.lp`."""
+def _beside(folder: Path) -> dict[str, list[Path]]:
+    """Return the files of a folder by their names in lower case."""
+    found: dict[str, list[Path]] = {}
+    with suppress(OSError):
+        for file in folder.iterdir():
+            found.setdefault(file.name.lower(), []).append(file)
+    return found
+
+
+def _found(path: Path, i: int, name: str, beside: dict[str, list[Path]]) -> Path:
+    """Return the file: under its relative path, else by its last name beside the `.lp`, where one
+    alone has that name but for upper and lower case."""
     # Windows paths split at both slashes
     stored = PureWindowsPath(name)
     candidates = [path.parent / stored.name]
     if not stored.anchor:
         candidates.insert(0, path.parent.joinpath(*stored.parts))
+    if len(alike := beside.get(stored.name.lower(), [])) == 1:
+        candidates += alike
     for candidate in candidates:
         if candidate.is_file():
             return candidate
@@ -117,7 +131,7 @@ def _notes(
     if strange := int(np.count_nonzero((lengths < low) | (lengths > high))):
         notes.append(
             f"{strange} light vectors are {lengths.min():.3g} to {lengths.max():.3g} long: "
-            "taken as directions"
+            "taken as directions (angles would have to be turned into x, y, z first)"
         )
     if below := int(np.count_nonzero(directions[:, 2] < 0)):
         notes.append(f"{below} lights stand below the horizon, the lowest at z = "

@@ -140,6 +140,7 @@ def frames(source: Path | None) -> Iterator[Figure]:
     from runtime.player import Player
 
     with Player(Path("build/scenes") / SCENE.stem, size=SIZE) as player:
+        player.reuse = False
         passes: dict[str, list[float]] = {}
         for hour in HOURS:
             player.frame(hour)

@@ -19,6 +19,7 @@ QUESTIONS = (
     "shadow_rays",
     "ring_models",
     "dome",
+    "normal_map",
 )
 
 

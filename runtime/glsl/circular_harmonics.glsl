@@ -1,10 +1,13 @@
-// Relit radiance of a sprite: decoded planes against a light projected on circular harmonics.
+// Relit radiance of a sprite: decoded planes against a light projected on circular harmonics, or on
+// the channels of a dome.
 //
 // planes : decoded values, premultiplied. light : L_k, k < TERMS. Results are not clamped: negative
 // lobes of one term cancel others, so the caller clamps after the sum.
-// TERMS : odd K. PLANES : RGBA planes a view. PACKING : 0 full, 1 chroma, 2 talk.
+// TERMS : odd K, or channels. PLANES : RGBA planes a view. PACKING : 0 full, 1 chroma, 2 talk, 3 dome.
 
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);  // Rec. 709
+
+#if PACKING == 0
 
 // Every term has a plane of its own.
 vec3 unpack_full(vec4 planes[PLANES], vec3 light[TERMS]) {
@@ -13,7 +16,19 @@ vec3 unpack_full(vec4 planes[PLANES], vec3 light[TERMS]) {
     return sum;
 }
 
-#if PACKING > 0
+#elif PACKING == 3
+
+// Each channel is one number that counts by a colour; coverage has the fourth slot of plane 0.
+vec3 unpack_dome(vec4 planes[PLANES], vec3 light[TERMS]) {
+    vec3 sum = vec3(0.0);
+    for (int k = 0; k < TERMS; ++k) {
+        int slot = k < 3 ? k : k + 1;
+        sum += planes[slot / 4][slot % 4] * light[k];
+    }
+    return sum;
+}
+
+#else
 
 // Luma terms from the fifth on lie four to a plane.
 vec3 further_lumas(vec4 planes[PLANES], vec3 light[TERMS]) {
@@ -47,6 +62,8 @@ vec4 unpack_talk(vec4 planes[PLANES], vec3 light[TERMS], vec4 vertex) {
 vec4 relight(vec4 planes[PLANES], vec3 light[TERMS], vec3 tint) {
 #if PACKING == 0
     vec4 lit = vec4(unpack_full(planes, light) * tint, planes[0].a);
+#elif PACKING == 3
+    vec4 lit = vec4(unpack_dome(planes, light) * tint, planes[0].a);
 #elif PACKING == 1
     vec4 lit = vec4(unpack_chroma(planes, light) * tint, planes[0].a);
 #else

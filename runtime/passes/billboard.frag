@@ -25,6 +25,11 @@ uniform float fog_base;
 uniform sampler2D records;
 #endif
 
+#if DEFOCUS
+uniform sampler2D front;  // what is blurred in front of focus, premultiplied
+uniform sampler2D front_depth;
+#endif
+
 in vec2 uv;
 in vec3 point;
 in float depth;
@@ -67,5 +72,13 @@ void main() {
 #if FOG
     float pass = fog_transmittance(camera_position, point, extinction, falloff, fog_base);
     colour.rgb = colour.rgb * pass + fog_radiance * colour.a * (1.0 - pass);
+#endif
+#if DEFOCUS
+    // Under the blurred front: the blend keeps of it, already in the picture, what is added here
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    if (gl_FragCoord.z > texelFetch(front_depth, pixel, 0).r) {
+        vec4 over = texelFetch(front, pixel, 0);
+        colour.rgb = colour.rgb * (1.0 - over.a) + colour.a * over.rgb;
+    }
 #endif
 }

@@ -1,4 +1,4 @@
-"""Relit sprites: sorted back to front, premultiplied, lit by their own light's circular harmonics.
+"""Relit sprites: sorted back to front, premultiplied, lit by their own light's harmonics.
 
 Reads the opaque depth; writes colour. Blur by the lens is a coarser mip level, never added to the
 one that distance asks for: level = max(hardware level, log2(c * circle of confusion in texels)).
@@ -6,6 +6,7 @@ one that distance asks for: level = max(hardware level, log2(c * circle of confu
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maths import optics
-from runtime import sprite_shadows
+from runtime import reuse, sprite_shadows
 from runtime.shader import set_uniforms
 
 HERE = Path(__file__).parent
 RECORD_ROW = 1024  # texels of a row of the table of records
 FAINT = 1 / 512  # of the brightest sun: its shadows would change less than half an 8-bit code
-IN_VERTEX = 9  # terms that fit in varyings
+# Rows of light that fit in varyings. A dome's 15 would fill all that ES 3.00 has; on llvmpipe they
+# made large sprites half as slow again as looking them up
+IN_VERTEX = 9
 
 
 class Pass:
@@ -35,6 +38,7 @@ class Pass:
         self._sets = player.sprites
         self._lens = "depth_of_field" in player.called
         self._fog = "fog" in player.called
+        self._defocus = "defocus" in player.called
         self._arrays = [self._array(s.defines) for s in self._sets]
         self._decoding = [s.decoding() for s in self._sets]
         self._lighting = player.sprite_lighting
@@ -54,13 +58,20 @@ class Pass:
         in_vertex = {k: v for k, v in both.items() if k not in ("PLANES", "PACKING")}
         if not both["LIGHT_IN_VERTEX"]:
             in_vertex.pop("TERMS")
-        in_fragment = {**both, "FOG": self._fog}
+        in_fragment = {**both, "FOG": self._fog, "DEFOCUS": self._defocus}
         if both["LIGHT_IN_VERTEX"]:
             in_fragment.pop("RECORD_ROW")
         program = self._player.programs.get(
             HERE / "billboard.vert", HERE / "billboard.frag", in_fragment, in_vertex
         )
         return self._player.vertex_array(program)
+
+    def key(self, time: float) -> Hashable:
+        """All that the drawing of `time` seconds depends on."""
+        player = self._player
+        view = reuse.camera(player.view, self._lens)
+        fog = player.passes["fog"].uniforms(time) if self._fog else {}
+        return view, reuse.frozen((player.lights, fog))
 
     def draw(self, time: float) -> None:
         """Draw all sprites at `time` seconds over the colour target."""
@@ -91,6 +102,10 @@ class Pass:
             values |= self._player.passes["depth_of_field"].uniforms(camera)
         if self._fog:
             values |= self._player.passes["fog"].uniforms(time)
+        if self._defocus:
+            values |= {"front": 2, "front_depth": 3}
+            self._frame.texture("near").use(2)
+            self._frame.texture("near_depth").use(3)
         for program in {id(a.program): a.program for a in self._arrays}.values():
             set_uniforms(program, values)
 
@@ -123,7 +138,7 @@ class Pass:
             span = slice(first, first := first + len(sprites.positions))
             light, index = self._lighting.project(
                 lights,
-                sprites.asset.ring,
+                sprites.series,
                 camera.yaw,
                 sprites.centres,
                 sprites.flip,
@@ -132,7 +147,7 @@ class Pass:
             depth[span] = camera.depth(sprites.centres)
             _fill(instances[span], sprites, camera)
             instances[span, 2] = self._boxes(sprites, camera, depth[span])
-            instances[span, 3, 1] = at + index * sprites.asset.ring.terms
+            instances[span, 3, 1] = at + index * sprites.series.rows
             rows.append(light.reshape(-1, 3))
             at += len(rows[-1])
         order = np.argsort(-depth, kind="stable")

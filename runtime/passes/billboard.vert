@@ -18,6 +18,7 @@ uniform float metres_per_texel;
 uniform float focal_length;
 uniform float f_number;
 uniform float focus_distance;
+uniform float sharp;  // circle on the sensor that changes nothing: half a pixel
 #endif
 
 out vec2 uv;
@@ -57,7 +58,7 @@ void main() {
 #if LENS
     // What is blurred reaches forward by its own blur, so that the ground does not cut it off hard
     float coc = circle_of_confusion(depth, focal_length, f_number, focus_distance);
-    float blur = 0.5 * coc * depth / focal_length;
+    float blur = 0.5 * max(coc - sharp, 0.0) * depth / focal_length;
     float shifted = max(depth - blur, 1.01 * near);
     if (depth > shifted) gl_Position.z = (1.0 - 2.0 * near / shifted) * gl_Position.w;
 #endif

@@ -6,6 +6,7 @@ Reads colour, writes picture (RGBA8).
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,14 @@ class Pass:
             player.programs.get(SCREEN, HERE / "film.frag", defines, {})
         )
 
+    def key(self, time: float) -> Hashable:
+        """All that the drawing of `time` seconds depends on."""
+        return self._film.exposure.at(time), self._frame_number(time)
+
+    def _frame_number(self, time: float) -> int:
+        """Number that the dither of `time` seconds is drawn by: it differs in every frame."""
+        return round(time * self._player.scene.time.frame_rate) & 0x7FFFFFFF
+
     def draw(self, time: float) -> None:
         """Develop the frame of `time` seconds."""
         player = self._player
@@ -40,7 +49,7 @@ class Pass:
             "exposure": 2.0 ** self._film.exposure.at(time),
             "vignette": self._film.vignette,
             "half_size": tuple(np.array([width, height]) / np.hypot(width, height)),
-            "frame_number": round(time * player.scene.time.frame_rate) & 0x7FFFFFFF,
+            "frame_number": self._frame_number(time),
         }
         set_uniforms(self._array.program, values)
         player.targets.texture("colour").use(0)

@@ -6,12 +6,14 @@ towards the sky it counts as a layer that clears within a few degrees. Reads dep
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
 
+from runtime import reuse
 from runtime.shader import SCREEN, set_uniforms
 
 HERE = Path(__file__).parent
@@ -39,6 +41,10 @@ class Pass:
             "falloff": self._fog.falloff,
             "fog_base": 0.0,
         }
+
+    def key(self, time: float) -> Hashable:
+        """All that the drawing of `time` seconds depends on."""
+        return reuse.camera(self._player.view), reuse.frozen(self.uniforms(time))
 
     def draw(self, time: float) -> None:
         """Draw the fog of `time` seconds."""

@@ -1,5 +1,5 @@
-// An endless level plane: Lambert under suns, balls and sky, mottled by band-limited noise.
-#include "irradiance.glsl"
+// An endless level plane: Lambert under every light, mottled by band-limited noise.
+#include "lights.glsl"
 #include "mottle.glsl"
 #if LENS
 #include "optics.glsl"
@@ -19,12 +19,21 @@ uniform float f_number;
 uniform float focus_distance;
 #endif
 #if SUNS > 0
-uniform vec3 sun_direction[SUNS];
-uniform vec3 sun_light[SUNS];
+uniform vec3 sun_level[SUNS];  // irradiance on a level plane
 #endif
 #if SPHERES > 0
 uniform vec4 sphere_place[SPHERES];  // centre, radius
 uniform vec3 sphere_light[SPHERES];
+#endif
+#if DISCS > 0
+uniform vec4 disc_place[DISCS];  // centre, radius
+uniform vec4 disc_axis[DISCS];   // axis, 1 where two-sided
+uniform vec3 disc_light[DISCS];
+#endif
+#if POLYGONS > 0
+uniform vec3 polygon_corner[POLYGONS * POLYGON_CORNERS];
+uniform vec4 polygon_front[POLYGONS];  // where it faces, size
+uniform vec4 polygon_light[POLYGONS];  // radiance, 1 where two-sided
 #endif
 
 in vec3 ray;
@@ -51,13 +60,31 @@ void main() {
     vec3 light = ambient * reaches.a;
 #if SUNS > 0
     for (int i = 0; i < SUNS; ++i) {
-        light += sun_irradiance(sun_direction[i], sun_light[i]) * (i < 3 ? reaches[i] : 1.0);
+        light += sun_level[i] * (i < 3 ? reaches[i] : 1.0);
     }
 #endif
+    const vec3 up = vec3(0.0, 1.0, 0.0);
 #if SPHERES > 0
     for (int i = 0; i < SPHERES; ++i) {
-        vec3 offset = sphere_place[i].xyz - point;
-        light += sphere_irradiance(offset, sphere_place[i].w, sphere_light[i]) * reaches.a;
+        light += reaches.a * sphere_irradiance(point, up, sphere_place[i].xyz, sphere_place[i].w,
+                                               sphere_light[i]);
+    }
+#endif
+#if DISCS > 0
+    for (int i = 0; i < DISCS; ++i) {
+        light += reaches.a * disc_irradiance(point, up, disc_place[i].xyz, disc_axis[i].xyz,
+                                             disc_place[i].w, disc_light[i], disc_axis[i].w > 0.5);
+    }
+#endif
+#if POLYGONS > 0
+    for (int i = 0; i < POLYGONS; ++i) {
+        vec3 corners[POLYGON_CORNERS];
+        for (int k = 0; k < POLYGON_CORNERS; ++k) {
+            corners[k] = polygon_corner[i * POLYGON_CORNERS + k];
+        }
+        light += reaches.a * polygon_irradiance(point, up, corners, polygon_front[i].xyz,
+                                                polygon_front[i].w, polygon_light[i].rgb,
+                                                polygon_light[i].a > 0.5);
     }
 #endif
     colour = vec4(reflectance * light / 3.14159265358979, 1.0);

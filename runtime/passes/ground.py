@@ -1,4 +1,4 @@
-"""An endless level ground under suns, balls and sky, with the sprites' shadows and contact.
+"""An endless level ground under every light, with the sprites' shadows and contact.
 
 Writes shade, colour and depth; reads nothing. Shadows take the sun's share only, so they keep the
 colour of the sky.
@@ -6,12 +6,14 @@ colour of the sky.
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
 
+from runtime import light_uniforms, reuse
 from runtime.ground_shadows import GroundShadows
 from runtime.shader import SCREEN, set_uniforms
 
@@ -23,21 +25,26 @@ class Pass:
 
     reads: tuple[str, ...] = ()
     writes = ("colour", "depth")
+    opaque = True
 
     def __init__(self, player: Any) -> None:
         self._player = player
         self._ground = player.scene.ground
-        kinds = [light.type for light in player.scene.lights]
-        self._lens = "depth_of_field" in player.called
+        # Drawn sharp where the gather blurs all that is opaque
+        self._lens = "depth_of_field" in player.called and "defocus" not in player.called
         defines = {
-            "SUNS": kinds.count("sun"),
-            "SPHERES": kinds.count("sphere"),
+            **light_uniforms.counts(player.scene),
             "LENS": self._lens,
         }
         self._array = player.vertex_array(
             player.programs.get(SCREEN, HERE / "ground.frag", defines, {})
         )
         self._shadows = GroundShadows(player, self._lens)
+
+    def key(self, time: float) -> Hashable:
+        """All that the drawing of `time` seconds depends on."""
+        view, lights = self._player.view, self._player.lights
+        return reuse.camera(view, self._lens), reuse.frozen(lights)
 
     def draw(self, time: float) -> None:
         """Draw the ground of `time` seconds."""
@@ -56,7 +63,7 @@ class Pass:
         }
         set_uniforms(self._array.program, values)
         player.targets.texture("shade").use(0)
-        player.targets.target("colour", "depth").use()
+        player.targets.opaque().use()
         player.ctx.enable_only(moderngl.DEPTH_TEST)
         player.ctx.depth_func = "<="
         player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)
@@ -64,11 +71,4 @@ class Pass:
     def _lights(self) -> dict[str, Any]:
         lights, passes = self._player.lights, self._player.passes
         ambient = passes["environment"].ambient(lights) if "environment" in passes else np.zeros(3)
-        found: dict[str, Any] = {"ambient": tuple(ambient)}
-        if lights.suns:
-            found["sun_direction"] = [tuple(sun.to_light) for sun in lights.suns]
-            found["sun_light"] = [tuple(sun.irradiance) for sun in lights.suns]
-        if lights.spheres:
-            found["sphere_place"] = [(*ball.position, ball.radius) for ball in lights.spheres]
-            found["sphere_light"] = [tuple(ball.radiance) for ball in lights.spheres]
-        return found
+        return {"ambient": tuple(ambient), **light_uniforms.of(lights)}

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
 
+from runtime import reuse
 from runtime.shader import SCREEN, set_uniforms
 
 HERE = Path(__file__).parent
@@ -19,6 +21,7 @@ class Pass:
 
     reads = ("depth",)
     writes = ("colour",)
+    opaque = True
 
     def __init__(self, player: Any) -> None:
         self._player = player
@@ -30,25 +33,34 @@ class Pass:
             player.programs.get(SCREEN, HERE / "sky.frag", {"GLOW": self._glow}, {})
         )
 
+    def key(self, time: float) -> Hashable:
+        """All that the drawing of `time` seconds depends on."""
+        player = self._player
+        return reuse.camera(player.view), reuse.frozen(self._look(time))
+
     def draw(self, time: float) -> None:
         """Draw the sky of `time` seconds."""
         player = self._player
-        values = {
-            **player.view.uniforms(player.targets.size),
+        values = {**player.view.uniforms(player.targets.size), **self._look(time)}
+        set_uniforms(self._array.program, values)
+        player.targets.opaque().use()
+        # The screen triangle lies at infinity: only untouched depth lets it through
+        player.ctx.enable_only(moderngl.DEPTH_TEST)
+        player.ctx.depth_func = "<="
+        player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)
+
+    def _look(self, time: float) -> dict[str, Any]:
+        """Uniforms of gradient and glow at `time` seconds."""
+        values: dict[str, Any] = {
             "zenith": tuple(self._sky.zenith.at(time)),
             "horizon": tuple(self._sky.horizon.at(time)),
         }
         if self._glow:
-            sun = player.lights.suns[0]
+            sun = self._player.lights.suns[0]
             values |= {
                 "glow": tuple(self._sky.glow.at(time)),
                 "to_sun": tuple(sun.to_light),
                 "sun_radius": max(sun.radius, np.radians(0.53) / 2),
                 "disc": DISC,
             }
-        set_uniforms(self._array.program, values)
-        player.targets.target("colour", "depth").use()
-        # The screen triangle lies at infinity: only untouched depth lets it through
-        player.ctx.enable_only(moderngl.DEPTH_TEST)
-        player.ctx.depth_func = "<="
-        player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)
+        return values

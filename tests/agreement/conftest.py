@@ -29,6 +29,8 @@ def glsl(context, tmp_path):
     inputs : name -> (n,) or (n, c) floats, or (n,) unsigned integers; `expression` uses those
     names. The function runs once a vertex, and transform feedback brings its value back.
     """
+    # Players of other tests have made contexts of their own current
+    context.__enter__()
     assert context.error == "GL_NO_ERROR"
 
     def evaluate(libraries, expression, inputs, components=1, defines=None):

@@ -1,14 +1,17 @@
 """Colours and materials of mesh files: linear, and only what the file says."""
 
+import json
+
 import numpy as np
 import pytest
 from PIL import Image
 
 from bake import sources
+from formats.errors import InputError
 from formats.files import glb
 from formats.files import image as picture
 from maths.colour import srgb_decode
-from tests.bake.mesh_files import RGB, TRIANGLE, glb_of, texture, triangle, write
+from tests.bake.mesh_files import RGB, TRIANGLE, glb_of, gltf_of, texture, triangle, write
 
 
 def test_obj_with_material_and_texture(tmp_path):
@@ -120,3 +123,63 @@ def test_a_picture_of_the_project_reads_the_same_as_a_texture(tmp_path):
     text = "mtllib t.mtl\n" + TRIANGLE + "vt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
     (material,) = sources.load(write(tmp_path, "t.obj", text)).materials
     np.testing.assert_allclose(material.texture, picture.read(tmp_path / "t.png"), atol=1e-6)
+
+
+def glowing(path, factor=(0.5, 1.0, 0.25), strength=8.0, names=("lamp", "paper"), **changes):
+    """Write a GLB of two materials, of which the first glows; returns its path."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+    emissive = [tuple(strength * f for f in factor), changes.get("second", (0.0, 0.0, 0.0))]
+    parts = [
+        glb.Primitive(points + i, np.array([[0, 1, 2]]), material=glb.Material(name, emissive=e))
+        for i, (name, e) in enumerate(zip(names, emissive, strict=True))
+    ]
+    return glb_of(path, [glb.Node("a", tuple(parts))])
+
+
+def test_emission_has_its_strength(tmp_path):
+    mesh = sources.load(glowing(tmp_path / "lamp.glb"))
+    by_name = {m.name: m.emissive for m in mesh.materials}
+    np.testing.assert_allclose(by_name["lamp"], [4.0, 8.0, 2.0], rtol=1e-7)
+    assert by_name["paper"] == (0.0, 0.0, 0.0)
+
+
+def test_emission_without_strength_is_the_factor(tmp_path):
+    mesh = sources.load(glowing(tmp_path / "dim.glb", strength=1.0))
+    np.testing.assert_allclose(mesh.materials[0].emissive, [0.5, 1.0, 0.25], rtol=1e-7)
+
+
+def test_emission_beyond_reason_is_cut(tmp_path):
+    mesh = sources.load(glowing(tmp_path / "nova.glb", strength=1e30))
+    assert mesh.materials[0].emissive == (1e6, 1e6, 1e6)
+
+
+def test_one_name_with_two_strengths_is_refused(tmp_path):
+    path = glowing(tmp_path / "two.glb", names=("lamp", "lamp"), second=(3.0, 3.0, 3.0))
+    with pytest.raises(InputError, match="lamp"):
+        sources.load(path)
+
+
+def test_a_glowing_picture_counts_by_its_mean(tmp_path):
+    texture(tmp_path, "glow.png")
+    path = gltf_of(
+        tmp_path,
+        materials=[
+            {
+                "name": "screen",
+                "emissiveFactor": [1, 1, 0.5],
+                "emissiveTexture": {"index": 0},
+                "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 4}},
+            }
+        ],
+        textures=[{"source": 0}],
+        images=[{"uri": "glow.png"}],
+        meshes=[{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 0}, "material": 0}]}],
+    )
+    tree = json.loads(path.read_text())
+    tree["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = 1
+    tree["accessors"].append({"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC2"})
+    path.write_text(json.dumps(tree))
+    mesh = sources.load(path)
+    mean = srgb_decode(RGB / 255).mean(axis=(0, 1))
+    np.testing.assert_allclose(mesh.materials[0].emissive, mean * [4, 4, 2], rtol=1e-6)
+    assert any("screen glows evenly" in note for note in mesh.notes)

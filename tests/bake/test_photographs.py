@@ -1,5 +1,6 @@
 """Sets of photographs as arrays: spaces, sizes, alpha, and what the reader is told."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,3 +65,33 @@ def test_black_white_and_grazing_are_told(tmp_path: Path) -> None:
     assert "light 1.png is black" in notes
     assert "light 2.png is overexposed: 100% of it is white" in notes
     assert "1 lights stand under 5 degrees" in notes[-1]
+
+
+def test_a_photograph_stands_a_metre_high_on_its_lower_edge() -> None:
+    pictures = np.zeros((3, 8, 5, 3), np.float32)
+    made = photographs.Photographs(pictures, lights(3), "linear")
+    assert (made.metres_per_texel, made.pivot, made.height) == (1 / 8, (2.5, 8.0), 1.0)
+    two = photographs.Photographs(pictures, lights(3), "linear", views=2)
+    assert (two.metres_per_texel, two.pivot) == (1 / 4, (2.5, 4.0))
+    kept = photographs.Photographs(
+        pictures, lights(3), "linear", metres_per_texel=0.5, pivot=(1.0, 2.0), height=4.0
+    )
+    assert (kept.metres_per_texel, kept.pivot, kept.height) == (0.5, (1.0, 2.0), 4.0)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("views", 3),
+        ("space", "log"),
+        ("coverage", np.full((8, 5), 1.5, np.float32)),
+        ("coverage", np.ones((5, 8), np.float32)),
+        ("directions", np.zeros((3, 3))),
+        ("pictures", np.full((3, 8, 5, 3), np.nan, np.float32)),
+    ],
+)
+def test_broken_sets_are_refused_by_field(field: str, value: object) -> None:
+    made = photographs.Photographs(np.zeros((3, 8, 5, 3), np.float32), lights(3), "linear")
+    with pytest.raises(InputError) as refusal:
+        replace(made, **{field: value}).checked()  # type: ignore[arg-type]
+    assert refusal.value.field == field

@@ -9,7 +9,7 @@ from formats import effects, scene
 from formats.errors import InputError
 from formats.lens_blur import moments
 from formats.plan import FRAME, EffectPlan
-from maths import colour, optics, transforms
+from maths import optics, transforms
 
 SPRITES = {"name": "oak", "source": "oak.glb", "height": 2.0, "positions": [[0, 0, 0]]}
 
@@ -59,6 +59,7 @@ def everything() -> scene.Scene:
         lens=lens(),
         lights=[{"type": "environment", "source": "a.exr"}],
         ground={},
+        meshes=[{"name": "rock", "source": "rock.glb"}],
         picture={
             "sky": {"zenith": [0, 0, 1], "horizon": [1, 1, 1]},
             "fog": {"extinction": 0.01, "radiance": [1, 1, 1]},
@@ -137,7 +138,8 @@ def test_a_focus_pull_counts_at_its_worst_moment() -> None:
     expected = optics.circle_of_confusion(10.0, 0.05, 2.0, 4.0) / 0.024 * 1080
     # The key itself is sampled: only the order of the roundings differs
     assert decided(found, "depth_of_field").bound == pytest.approx(float(expected), rel=1e-14)
-    assert "1 s" in decided(found, "depth_of_field").reason
+    # Named by the start of the span of 1/85 s that the key ends
+    assert ", 0.988 s" in decided(found, "depth_of_field").reason
 
 
 def test_a_key_between_frames_is_sampled() -> None:
@@ -219,79 +221,6 @@ def test_without_a_called_lens_no_lod_is_needed() -> None:
         assert effects.largest_lod(found, found.billboards[0], 1e6) == 0.0
 
 
-# Fog
-
-
-def fog(extinction: Any, radiance: Any = (1.0, 1.0, 1.0), **more: Any) -> dict[str, Any]:
-    return {"fog": {"extinction": extinction, "radiance": list(radiance), **more}}
-
-
-def test_fog_without_extinction_is_left_out() -> None:
-    effect = decided(made(picture=fog(0.0)), "fog")
-    assert (effect.called, effect.bound) == (False, 0.0)
-
-
-def test_fog_is_measured_at_the_farthest_sprite_in_codes() -> None:
-    # Behind thin fog of radiance 1, black changes most: to 1 - transmittance
-    picture = {**fog(1e-3), "film": {"tonemap": "linear"}}
-    effect = decided(made(picture=picture), "fog")
-    distance = np.linalg.norm([0, 1, 10])
-    expected = 255 * colour.srgb_encode(1 - np.exp(-1e-3 * distance))
-    assert effect.called
-    assert effect.bound == pytest.approx(float(expected), rel=1e-12)
-
-
-@pytest.mark.parametrize(("codes", "called"), [(0.49, False), (0.51, True)])
-def test_fog_of_less_than_half_a_code_is_left_out(codes: float, called: bool) -> None:
-    share = float(colour.srgb_decode(codes / 255))
-    extinction = -np.log1p(-share) / np.linalg.norm([0, 1, 10])
-    picture = {**fog(extinction), "film": {"tonemap": "linear"}}
-    effect = decided(made(picture=picture), "fog")
-    assert effect.called is called
-    assert effect.bound == pytest.approx(codes, rel=1e-9)
-
-
-def test_exposure_counts() -> None:
-    dim = {**fog(1e-6, (1e-3,) * 3), "film": {"tonemap": "linear", "exposure": 0}}
-    bright = {
-        **dim,
-        "film": {"tonemap": "linear", "exposure": {"times": [0, 1], "values": [0, 20]}},
-    }
-    assert not decided(made(picture=dim), "fog").called
-    assert decided(made(picture=bright), "fog").called
-
-
-def test_dark_fog_hides_what_is_bright() -> None:
-    picture = {**fog(0.05, (0, 0, 0)), "film": {"tonemap": "linear"}}
-    assert decided(made(picture=picture), "fog").called
-
-
-def test_the_horizon_is_farther_than_any_sprite() -> None:
-    effect = decided(made(picture=fog(1e-6), ground={}), "fog")
-    # Of a sphere of 6,371 km from 1 m: sqrt(2 R h)
-    assert "the horizon at 3,570 m" in effect.reason
-
-
-def test_fog_alone_veils_nothing() -> None:
-    effect = decided(made(billboards=[], picture=fog(1.0)), "fog")
-    assert (effect.called, effect.bound) == (False, 0.0)
-
-
-def test_fog_that_thins_with_height_counts_where_it_is_thickest() -> None:
-    low = [{**SPRITES, "positions": [[0, -10, 0]]}]
-    thin = decided(made(billboards=low, picture=fog(1e-5)), "fog").bound
-    thick = decided(made(billboards=low, picture=fog(1e-5, falloff=0.5)), "fog").bound
-    same = decided(made(billboards=low, picture=fog(1e-5 * np.exp(5.0))), "fog").bound
-    assert thick > thin
-    assert thick == pytest.approx(same, rel=1e-12)
-
-
-def test_extreme_fog_is_finite() -> None:
-    far = [{**SPRITES, "positions": [[0, -1e6, 0]]}]
-    picture = {**fog(1e3, (1e6,) * 3, falloff=1e3), "film": {"exposure": 32}}
-    assert decided(made(billboards=far, picture=picture), "fog").bound == pytest.approx(255.0)
-
-
 # Forcing
 
 
@@ -334,3 +263,72 @@ def test_film_cannot_be_forced_off() -> None:
     with pytest.raises(InputError, match=r"force\.film"):
         effects.decide(made(force={"film": False}))
     assert decided(made(force={"film": True}), "film").called
+
+
+ROCK = {"name": "rock", "source": "rock.glb"}
+
+
+def test_meshes_call_for_the_surface_pass() -> None:
+    assert not decided(made(), "surface").called
+    found = decided(made(meshes=[ROCK]), "surface")
+    assert (found.called, found.bound, found.kinds) == (True, 1.0, ("mesh",))
+    assert found.reason == "1 mesh stands in it"
+    two = made(meshes=[ROCK, {**ROCK, "name": "stone"}])
+    assert decided(two, "surface").reason == "2 meshes stand in it"
+
+
+def test_more_lights_than_meshes_take_are_refused() -> None:
+    sun = {"type": "sun", "to_light": [0, 1, 0], "irradiance": [1, 1, 1]}
+    sky = {"type": "environment", "source": "a.exr"}
+    most = [sun] * effects.MOST_LIGHTS + [sky]
+    assert decided(made(meshes=[ROCK], lights=most), "surface").called
+    with pytest.raises(InputError, match="lights") as refusal:
+        effects.decide(made(meshes=[ROCK], lights=[*most, sun]))
+    assert refusal.value.value == effects.MOST_LIGHTS + 1
+    # Sprites take any number
+    assert effects.decide(made(lights=[*most, sun]))
+
+
+# Out of view
+
+LAYOUT = {"metres_per_texel": 0.1, "height": 2.0, "pivot": [5, 20], "lens_scale": 1.0}
+
+
+def test_sprites_and_meshes_out_of_every_view_are_left_out() -> None:
+    report = {"kind": "billboard", "layout": LAYOUT, "size": [10, 24]}
+    known = {"billboard/oak": report, "mesh/rock": {"bounds": [[-1, 0, -1], [1, 2, 1]]}}
+
+    def called(z: float, **parts: Any) -> list[bool]:
+        sprites = [{**SPRITES, "positions": [[0, 0, z]]}]
+        found = made(billboards=sprites, meshes=[{**ROCK, "position": [0, 0, z]}], **parts)
+        both = {e.name: e.called for e in effects.decide(found, known)}
+        return [both["billboard"], both["surface"]]
+
+    # The camera stands at z = 10 and looks the other way
+    assert called(0.0) == [True, True]
+    assert called(30.0) == [False, False]
+    assert called(11.0) == [True, True]
+    # Shadows reach into the view; a lens over meshes blurs what stands behind them
+    assert called(30.0, ground={}) == [True, False]
+    assert called(30.0, lens=lens()) == [False, True]
+    # What is not baked may be of any size
+    assert decided(made(meshes=[{**ROCK, "position": [0, 0, 30]}]), "surface").called
+
+
+def test_the_ground_blurs_where_no_sprite_does() -> None:
+    far = {**SPRITES, "positions": [[0, 0, 30]]}
+    found = made(billboards=[far], lens=lens(), ground={})
+    effect = decided(found, "depth_of_field")
+    assert effect.called
+    assert "the ground" in effect.reason
+    assert not decided(made(billboards=[far], lens=lens()), "depth_of_field").called
+
+
+def test_a_filter_wider_than_two_texels_calls_for_the_lens_sooner() -> None:
+    circle = float(optics.circle_of_confusion(10.0, 0.05, 2.0, 5.0))
+    lines = int(0.5 * 0.024 / circle)
+    wide = {"billboard/oak": {"layout": {**LAYOUT, "lens_scale": 2.5}}}
+    found = made(lens=lens())
+    for reports, called in (({}, False), (wide, True)):
+        plan = {e.name: e for e in effects.decide(found, reports, lines)}
+        assert plan["depth_of_field"].called is called

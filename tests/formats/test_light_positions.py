@@ -52,6 +52,23 @@ def test_latin_names_are_read(tmp_path: Path) -> None:
     assert light_positions.read(path).files == (tmp_path / "m\xfcnze.jpg",)
 
 
+@pytest.mark.parametrize("coding", ["utf-16-le", "utf-16-be"])
+def test_sixteen_bits_a_letter_are_read(tmp_path: Path, coding: str) -> None:
+    text = "\ufeff1\r\na\u0142.jpg 0 0 1\r\n".encode(coding)
+    path = written(tmp_path, text, "a\u0142.jpg")
+    assert light_positions.read(path).files == (tmp_path / "a\u0142.jpg",)
+
+
+def test_case_is_forgiven_where_one_file_alone_can_be_meant(tmp_path: Path) -> None:
+    path = written(tmp_path, "2\nC:\\A.JPG 0 0 1\nb.jpg 0 0 1\n", "a.jpg", "b.jpg", "B.jpg")
+    if len(list(tmp_path.iterdir())) < 4:
+        pytest.skip("the file system does not tell upper case from lower")
+    assert light_positions.read(path).files == (tmp_path / "a.jpg", tmp_path / "b.jpg")
+    path.write_text("1\nB.JPG 0 0 1\n")
+    with pytest.raises(InputError, match=r"B\.JPG"):
+        light_positions.read(path)
+
+
 def test_a_file_in_the_named_folder_goes_before_one_beside(tmp_path: Path) -> None:
     path = written(tmp_path, "1\nsub/a.jpg 0 0 1\n", "a.jpg", "sub/a.jpg")
     assert light_positions.read(path).files == (tmp_path / "sub" / "a.jpg",)

@@ -2,7 +2,7 @@
 
 import json
 
-from formats.plan import FRAME, LINES, AssetPlan, EffectPlan, Plan
+from formats.plan import FRAME, LINES, AssetPlan, EffectPlan, LightPlan, Plan
 
 PLAN = Plan(
     "grove",
@@ -41,10 +41,33 @@ def test_the_dictionary_is_json_and_complete() -> None:
         "unit": "sprites",
         "forced": True,
         "kinds": ["billboard"],
+        "codes": 0.0,
+        "seconds": 0.0,
+        "bytes": 0,
+        "milliseconds": 0.0,
+        "timed": "estimate",
     }
     assert found["assets"][1]["seconds"] == 2.25
     assert (found["scene"], found["lines"], found["sprites"]) == ("grove", 1080, 2)
     assert (found["kinds"], found["seconds"]) == (["environment", "billboard"], 2.75)
+
+
+def test_what_is_left_out_adds_up_without_what_was_forced() -> None:
+    effects = (
+        EffectPlan("environment", False, "dim", codes=0.3),
+        EffectPlan("fog", False, "thin", codes=0.2),
+        EffectPlan("sky", False, "forced off, although", forced=True, codes=255.0),
+        EffectPlan("film", True, "", codes=255.0, milliseconds=3.0),
+    )
+    lights = (
+        LightPlan(0, "environment", False, "it adds", 0.3),
+        LightPlan(1, "sun", True, "it adds", 90.0),
+        LightPlan(2, "environment", False, "forced off with the environment; it adds", 255.0),
+    )
+    plan = Plan("grove", LINES, effects, (), 0, lights)
+    # The light of the environment once, the fog, and nothing that a person chose
+    assert plan.left_out == 0.3 + 0.2
+    assert plan.milliseconds == 3.0
 
 
 def test_the_frame_names_each_effect_once() -> None:

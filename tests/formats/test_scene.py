@@ -179,7 +179,7 @@ FAULTS: list[tuple[tuple[Any, ...], Any, str, str]] = [
     (("camera", "target"), [0.5, 1.5, 7.5], "camera.target", "another point"),
     (("camera", "lens", "focus_distance"), 0.05, "camera.lens.focus_distance", "beyond"),
     (("camera", "len"), 1, "camera.len", "did you mean 'lens'?"),
-    (("lights", 0, "type"), "disc", "lights[0].type", "use one of sun, sphere, environment"),
+    (("lights", 0, "type"), "cone", "lights[0].type", "use one of sun, sphere, disc, rectangle, p"),
     (("lights", 0, "source"), "environments/dusk.png", "lights[0].source", ".exr, .hdr"),
     (("lights", 1, "radiance"), [1, 1, -1], "lights[1].radiance[2]", "from 0 to"),
     (("lights", 2, "to_light"), [0, 0, 0], "lights[2].to_light", "away from 0"),

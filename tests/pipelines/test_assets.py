@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from bake import photographs
 from formats import scene as scenes
 from formats.files import glb, rgbe
 
@@ -15,6 +16,11 @@ ASSETS = Path(__file__).parents[2] / "assets"
 MESHES = sorted(p.stem for p in (ASSETS / "meshes").glob("*.glb"))
 LARGEST_FILE = 1_200_000
 LARGEST_SUM = 8_000_000
+# All of assets/: the meshes, .9 MB of photographs under 48 lights (fewer pixels or lights would not
+# show what a dome keeps), and text
+LARGEST_ASSETS = 9_000_000
+LARGEST_PHOTOGRAPHS = 900_000
+PHOTOGRAPH_MEAN = 0.01  # measured: .0064
 
 
 def script(monkeypatch: pytest.MonkeyPatch, folder: str, name: str) -> Any:
@@ -119,3 +125,38 @@ def test_sky_is_written_again_byte_for_byte(
     # Neutral: the mean of the upper half is grey to 2 %, so that a scale alone gives the tint.
     above = sky[:32].mean(axis=(0, 1))
     assert np.abs(above / above.mean() - 1).max() < 0.02
+
+
+def test_photographs_are_as_many_and_as_large_as_their_script_makes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    maker = script(monkeypatch, "photographs", "make_photographs")
+    made = maker.make(tmp_path, size=16, samples=1, grid=161)
+    committed = ASSETS / "photographs" / "ammonite"
+    assert made.read_bytes() == (committed / "lights.lp").read_bytes()
+    names = sorted(file.name for file in committed.iterdir())
+    assert sorted(file.name for file in tmp_path.iterdir()) == names
+    taken = photographs.load(committed / "lights.lp", space="stored")
+    assert taken.pictures.shape == (48, maker.SIZE, maker.SIZE, 3)
+    np.testing.assert_allclose(taken.directions, maker.lights(), atol=2e-6)
+    small = photographs.load(made, space="stored")
+    assert small.pictures.shape == (48, 16, 16, 3)
+    # The same fossil: means of a photograph differ by one ray a pixel and by what JPEG rounds
+    means = [p.pictures.mean(axis=(1, 2, 3)) for p in (taken, small)]
+    assert np.abs(means[0] - means[1]).max() < PHOTOGRAPH_MEAN
+
+
+def test_photographs_are_lit_well_and_small() -> None:
+    folder = ASSETS / "photographs" / "ammonite"
+    assert sum(file.stat().st_size for file in folder.iterdir()) < LARGEST_PHOTOGRAPHS
+    taken = photographs.load(folder / "lights.lp", space="stored")
+    # Highlights are points: under 1 % of a picture reaches the top code in any channel
+    assert np.mean(taken.pictures.max(axis=-1) >= 254 / 255, axis=(1, 2)).max() < 0.01
+    # The lowest lamp leaves half of the slab readable, the highest burns nothing out
+    brightness = taken.pictures.mean(axis=(1, 2, 3))
+    assert 0.15 < brightness.min() < 0.3 < brightness.max() < 0.6
+
+
+def test_assets_stay_small_together() -> None:
+    files = [f for f in ASSETS.rglob("*") if f.is_file() and "__pycache__" not in f.parts]
+    assert sum(f.stat().st_size for f in files) < LARGEST_ASSETS

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+from formats.plan import FRAME
+
 COUNT = """
 import json, sys
 from pathlib import Path
@@ -19,16 +21,17 @@ entries = (build / "store").iterdir()
 baked = [path.name.split("-")[0] for path in entries if "-" in path.name]
 print(json.dumps({
     "modules": sorted(name for name in sys.modules if name.split(".")[0] in ("runtime", "bake")),
+    "hemispherical": sorted(name for name in sys.modules if "hemispherical" in name),
     "stages": sorted(baked), "profile": job.profile}))
 """
 ALWAYS = {"sky", "billboard", "film"}
 
 
-def counted(assets: Path, scene: str, build: Path) -> dict[str, Any]:
+def counted(assets: Path, scene: str, build: Path, runs: int = 2) -> dict[str, Any]:
     """Bake and render a scene in a process of its own; then again, so that only playing counts."""
-    command = [sys.executable, "-c", COUNT, str(assets / "scenes" / f"{scene}.toml")]
-    command += [str(build / f"{scene}.png"), str(build)]
-    for _ in range(2):
+    path = assets / "scenes" / (scene if "." in scene else f"{scene}.toml")
+    command = [sys.executable, "-c", COUNT, str(path), str(build / f"{path.stem}.png"), str(build)]
+    for _ in range(runs):
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ)
     result: dict[str, Any] = json.loads(done.stdout)
     return result
@@ -52,6 +55,8 @@ def plain(assets: Path, tmp_path: Path) -> dict[str, Any]:
         ("lens", "depth_of_field", 0, []),
         ("fog", "fog", 1, []),
         ("environment", "environment", 0, ["bake.environment.resample"]),
+        # Samples of the opaque picture are no textures
+        ("surface", "surface", 1, ["bake.mesh.prepare"]),
     ],
 )
 def test_a_part_adds_exactly_its_own(
@@ -75,3 +80,79 @@ def test_a_part_adds_exactly_its_own(
 @pytest.mark.gpu
 def test_playing_what_is_baked_imports_nothing_of_bake(plain: dict[str, Any]) -> None:
     assert not [name for name in plain["modules"] if name.startswith("bake")]
+    # Nor what only a sprite under a dome needs
+    assert "runtime.dome_series" not in plain["modules"]
+    assert plain["hemispherical"] == []
+
+
+@pytest.mark.gpu
+def test_a_mesh_brings_its_own_modules_alone(
+    assets: Path, tmp_path: Path, plain: dict[str, Any]
+) -> None:
+    more = counted(assets, "surface", tmp_path / "surface")
+    added = set(more["modules"]) - set(plain["modules"])
+    assert added == {"runtime.passes.surface", "runtime.surfaces", "runtime.light_uniforms"}
+    profile = more["profile"]
+    # Four samples of 8 bytes of colour and 4 of depth, 64 x 36 pixels
+    assert profile["bytes"] - plain["profile"]["bytes"] == 4 * 12 * 64 * 36
+    assert "resolve" in profile["milliseconds"]
+    assert "resolve" not in plain["profile"]["milliseconds"]
+
+
+BARE: dict[str, Any] = {
+    "format": 1,
+    "quality": "draft",
+    "camera": {"position": [0, 1, 5], "target": [0, 0.5, 0]},
+    "lights": [{"type": "sun", "to_light": [0.5, 0.6, 0.7], "irradiance": [3, 3, 3]}],
+}
+TENT = {"name": "tent", "source": "meshes/tent.glb", "height": 1.0, "resolution": 24, "samples": 4}
+SPRITES = {"billboards": [{**TENT, "positions": [[0, 0, 0]]}]}
+LENS = {"camera": {**BARE["camera"], "lens": {"f_number": 0.8, "focus_distance": 2.0}}}
+HOUSE = {"meshes": [{"name": "house", "source": "meshes/tent.glb"}]}
+SKY = {"picture": {"sky": {"zenith": [0.1, 0.2, 0.5], "horizon": [0.6, 0.6, 0.6]}}}
+LIGHTS = "runtime.light_uniforms"
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize(
+    ("effect", "without", "added", "modules", "programs", "textures", "stages"),
+    [
+        # Both read or write the depth
+        ("sky", {}, SKY, [], 1, 1, []),
+        # What reaches the ground is a texture of its own
+        ("ground", {}, {"ground": {}}, ["runtime.ground_shadows", LIGHTS], 1, 2, []),
+        # The depth, the set's texture and the table of records
+        ("billboard", {}, SPRITES, [], 1, 3, ["bake.billboard.trace", "bake.mips.pack"]),
+        # Four layers, two of tiles, three sums, copies of colour and depth, the near layer's two
+        ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 4, 13, []),
+    ],
+)
+def test_an_effect_adds_exactly_its_own_to_a_bare_scene(
+    assets: Path,
+    tmp_path: Path,
+    effect: str,
+    without: dict[str, Any],
+    added: dict[str, Any],
+    modules: list[str],
+    programs: int,
+    textures: int,
+    stages: list[str],
+) -> None:
+    found = []
+    for name, raw in (("less", {**BARE, **without}), ("more", {**BARE, **without, **added})):
+        (assets / f"scenes/{name}.json").write_text(json.dumps(raw))
+        found.append(counted(assets, f"{name}.json", tmp_path / name, runs=1))
+    less, more = found
+    new = {m for m in set(more["modules"]) - set(less["modules"]) if m.startswith("runtime")}
+    own = {f"runtime.passes.{effect}", *modules}
+    assert new == own
+    assert passes(more) - passes(less) == {effect}
+    assert sorted(more["stages"]) == sorted(less["stages"] + stages)
+    assert more["profile"]["programs"] - less["profile"]["programs"] == programs
+    assert more["profile"]["textures"] - less["profile"]["textures"] == textures
+    assert set(more["profile"]["passes"]) - set(less["profile"]["passes"]) == {effect}
+
+
+def test_every_effect_is_counted() -> None:
+    here = {"environment", "surface", "ground", "sky", "fog", "defocus", "billboard"}
+    assert here | {"depth_of_field", "film"} == set(FRAME)

@@ -2,6 +2,8 @@
 
 import io
 import json
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -68,6 +70,29 @@ def test_every_kind_and_asset_is_needed_by_a_called_effect(name: str) -> None:
     assert {asset.kind for asset in found.assets} == needed
 
 
+def test_meshes_are_baked_where_they_stand() -> None:
+    rock = {"name": "rock", "source": "meshes/rock.glb"}
+    found = plan.build(made(meshes=[rock], lights=[], billboards=[]))
+    assert [(a.name, a.kind, a.source) for a in found.assets] == [
+        ("mesh/rock", "mesh", "meshes/rock.glb")
+    ]
+    assert found.bytes > 0
+    assert plan.build(made(meshes=[rock], force={"surface": False})).kinds == made_kinds()
+    # Four samples a pixel, 12 bytes each: 100 MB at 1920 x 1080
+    megabytes = [float(plan.summary(p).split("about ")[1].split()[0]) for p in (found, bare())]
+    assert megabytes[0] - megabytes[1] == pytest.approx(
+        (1920 * 1080 * 48 + found.bytes) / 1e6, abs=1
+    )
+
+
+def made_kinds() -> tuple[str, ...]:
+    return plan.build(made()).kinds
+
+
+def bare() -> Any:
+    return plan.build(made(lights=[], billboards=[]))
+
+
 def test_measured_seconds_replace_estimates() -> None:
     measured = {"billboard/oak": 7.5}
     found = plan.build(made(), seconds=measured.get)
@@ -90,8 +115,37 @@ def test_estimates_grow_with_the_work() -> None:
     assert oak(packing="full").bytes == pytest.approx(plain.bytes * 5 / 3, rel=1e-6)
 
 
+def test_domes_are_priced() -> None:
+    def priced(source: str = "meshes/oak.glb", **knobs: Any) -> Any:
+        sprites = {**RAW["billboards"][0], "source": source, **knobs}
+        return plan.build(made(billboards=[sprites])).assets[-1]
+
+    ring, dome = priced(), priced(dome={})
+    # Four planes of sixteen numbers against three
+    assert dome.bytes == pytest.approx(ring.bytes * 4 / 3, rel=1e-6)
+    assert priced(dome={"channels": 8}).bytes == pytest.approx(dome.bytes / 2, rel=1e-6)
+    assert priced(dome={"lights": 128}).seconds > dome.seconds > ring.seconds
+    # The same rays, then a fit
+    assert priced(dome={"lights": 48}).seconds > priced(ring={"lights": 48}).seconds
+    photographed = priced("photographs/oak.lp")
+    assert (photographed.kind, photographed.bytes) == ("billboard", dome.bytes)
+
+
+def test_photographs_are_priced_by_their_own_size(
+    bowl: Callable[[Path], Path], tmp_path: Path
+) -> None:
+    bowl(tmp_path / "photographs/bowl")
+    sprites = {**RAW["billboards"][0], "source": "photographs/bowl/set.lp"}
+    raw = {**RAW, "lights": [], "billboards": [sprites]}
+    found = plan.build(scene.from_dict(raw, where="a.toml", root=tmp_path)).assets[-1]
+    # Four planes of 12 x 12 texels, a border half as wide again, a third more for mips
+    assert found.bytes == int(4 * 12 * 12 * 1.5**2 * 4 * 4 / 3)
+    assert found.source == "photographs/bowl/set.lp"
+
+
 def test_the_lines_of_the_picture_reach_the_decisions() -> None:
-    bounds = [plan.build(made(), lines=n).effects[5].bound for n in (540, 1080)]
+    place = FRAME.index("depth_of_field")
+    bounds = [plan.build(made(), lines=n).effects[place].bound for n in (540, 1080)]
     assert bounds[1] == pytest.approx(2 * bounds[0], rel=1e-14)
 
 

@@ -11,9 +11,20 @@ import pytest
 from formats import seal
 from formats.billboard import Billboard, Ring
 from formats.environment import Environment
+from formats.mesh import Material, Mesh
 from maths import sprite_packing
 
-FRAME = ("environment", "ground", "sky", "fog", "billboard", "depth_of_field", "film")
+FRAME = (
+    "environment",
+    "surface",
+    "ground",
+    "sky",
+    "fog",
+    "defocus",
+    "billboard",
+    "depth_of_field",
+    "film",
+)
 
 
 @pytest.fixture(scope="session")
@@ -28,10 +39,11 @@ def context():
 
 @pytest.fixture
 def ctx(context):
-    """The context, with OpenGL's error state checked before and after the test."""
-    assert context.error == "GL_NO_ERROR"
-    yield context
-    assert context.error == "GL_NO_ERROR"
+    """The context, current, with OpenGL's error state checked before and after the test."""
+    with context:
+        assert context.error == "GL_NO_ERROR"
+        yield context
+        assert context.error == "GL_NO_ERROR"
 
 
 def lambert_terms(normals, albedo, ring):
@@ -150,7 +162,8 @@ def write_scene(tmp_path):
             place.mkdir()
             asset.save(place)
             seal.seal(place)
-            where[f"billboard/{asset_name}"] = f"assets/{asset_name}"
+            kind = "mesh" if isinstance(asset, Mesh) else "billboard"
+            where[f"{kind}/{asset_name}"] = f"assets/{asset_name}"
         if environment is not None:
             place = folder / "assets" / "environment0"
             place.mkdir()
@@ -180,9 +193,11 @@ def called_for(raw):
     picture = raw.get("picture", {})
     wanted = {
         "environment": any(light["type"] == "environment" for light in raw.get("lights", [])),
+        "surface": bool(raw.get("meshes")),
         "ground": "ground" in raw,
         "sky": "sky" in picture,
         "fog": "fog" in picture,
+        "defocus": bool(raw.get("meshes")) and "lens" in raw["camera"],
         "billboard": bool(raw.get("billboards")),
         "depth_of_field": "lens" in raw["camera"],
         "film": True,
@@ -191,6 +206,33 @@ def called_for(raw):
 
 
 SUN, IRRADIANCE = (0.5, 0.6, 0.7), (3.0, 3.0, 3.0)
+
+
+def flat_mesh(corners, *materials, uv=None, colours=None, normals=None):
+    """Triangles of corners (m, 3, 3), material i for triangle i, the last for the rest."""
+    corners = np.asarray(corners, np.float64)
+    materials = materials or (Material(),)
+    m = len(corners)
+    if normals is None:
+        a, b, c = np.moveaxis(corners, 1, 0)
+        across = np.cross(b - a, c - a)
+        across /= np.linalg.norm(across, axis=-1, keepdims=True)
+        normals = np.repeat(across[:, None], 3, axis=1)
+    return Mesh(
+        vertices=corners.reshape(-1, 3),
+        faces=np.arange(3 * m).reshape(-1, 3),
+        normals=np.asarray(normals, np.float32),
+        material=np.minimum(np.arange(m), len(materials) - 1).astype(np.int32),
+        materials=tuple(materials),
+        uv=None if uv is None else np.asarray(uv, np.float32).reshape(-1, 2),
+        colours=None if colours is None else np.asarray(colours, np.float32).reshape(-1, 3),
+    )
+
+
+def quad(*materials, half=1.0, **more):
+    """A square of two triangles about the origin that faces +z."""
+    a, b, c, d = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]) * half
+    return flat_mesh([[a, b, c], [a, c, d]], *materials, **more)
 
 
 def texel_to_pixel(asset, **parts):
@@ -220,5 +262,7 @@ def kit():
         called_for = staticmethod(called_for)
         texel_to_pixel = staticmethod(texel_to_pixel)
         halve = staticmethod(halve)
+        flat_mesh = staticmethod(flat_mesh)
+        quad = staticmethod(quad)
 
     return Kit

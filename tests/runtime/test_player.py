@@ -13,8 +13,11 @@ import pytest
 
 from formats import seal
 from formats.errors import DamagedError, InputError
+from formats.mesh import Material
+from runtime.passes import fog
 from runtime.player import Player
 from runtime.shader import Programs, compose
+from tests.runtime import domes
 
 pytestmark = pytest.mark.gpu
 ROOT = Path(__file__).resolve().parents[2]
@@ -52,6 +55,7 @@ with Player(sys.argv[1], size=(96, 54)) as player:
         "textures": profile["textures"],
         "bytes": profile["bytes"],
         "passes": profile["passes"],
+        "domes": sorted(m for m in sys.modules if "dome" in m or "hemispherical" in m),
         "hash": hashlib.sha256(picture.tobytes()).hexdigest(),
         "heavy": sorted(
             {m.partition(".")[0] for m in sys.modules}
@@ -88,6 +92,23 @@ def test_a_scene_without_effects_imports_compiles_and_allocates_none_of_them(kit
     assert full["textures"] - bare["textures"] == 1
     assert full["bytes"] - bare["bytes"] == 96 * 54 * 8
     assert full["heavy"] == bare["heavy"] == []
+    assert full["domes"] == bare["domes"] == []
+
+
+def test_a_dome_adds_its_own_modules_and_one_program(kit, write_scene):
+    raw = kit.scene_dict()
+    ring = probe(write_scene(raw, {"ball": kit.sphere_asset(size=16)}, name="ring"))
+    both = {"ball": kit.sphere_asset(size=16), "bowl": domes.matt_ball(size=16)}
+    bowl = {"name": "bowl", "source": "meshes/b.glb", "height": 1.0, "positions": [[1, 0, 0]]}
+    more = probe(write_scene({**raw, "billboards": [*raw["billboards"], bowl]}, both, name="more"))
+    assert ring["domes"] == []
+    maths = ["maths.hemispherical_harmonics", "maths.hemispherical_lights"]
+    assert more["domes"] == ["formats.dome", *maths, "runtime.dome_series"]
+    assert more["programs"] - ring["programs"] == 1
+    # Its own planes
+    assert more["textures"] - ring["textures"] == 1
+    assert more["modules"] == ring["modules"]
+    assert more["heavy"] == []
 
 
 @pytest.mark.parametrize(
@@ -234,7 +255,17 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
     scenes["full"]["lights"].append(
         {"type": "sphere", "position": [0, 1, 0], "radius": 0.1, "radiance": [1] * 3}
     )
+    near = {"radiance": [1] * 3, "facing": [0, -1, 0], "position": [0, 2, 0]}
+    scenes["full"]["lights"] += [
+        {"type": "disc", "radius": 0.1, **near},
+        {"type": "rectangle", "size": [1, 1], **near},
+    ]
     scenes["full"]["picture"]["film"] = {"tonemap": "linear"}
+    # A mesh with a texture and colours, and a pass that reads all about it
+    scenes["full"]["meshes"] = [{"name": "wall", "source": "meshes/wall.glb"}]
+    painted = Material(texture=np.ones((2, 2, 3), np.float32))
+    wall = kit.quad(painted, uv=np.zeros((6, 2)), colours=np.ones((6, 3)))
+    monkeypatch.setattr(fog.Pass, "reads", ("depth", "position", "normal", "id"))
     for terms, packing, unpack in (
         (5, "twelve", "chroma"),
         (9, "twelve", "talk"),
@@ -244,9 +275,15 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
         for name, raw in scenes.items():
             environment = EVEN if name == "full" else None
             folder = write_scene(
-                raw, {"ball": asset}, environment=environment, name=f"{name}{terms}"
+                raw, {"ball": asset, "wall": wall}, environment=environment, name=f"{name}{terms}"
             )
-            Player(folder, size=(8, 8), context=ctx).close()
+            with Player(folder, size=(8, 8), context=ctx) as player:
+                player.frame(0.0)
+    Player(
+        write_scene(kit.scene_dict(), {"ball": domes.matt_ball(size=16)}, name="dome"),
+        size=(8, 8),
+        context=ctx,
+    ).close()
     return used
 
 

@@ -8,6 +8,7 @@ import pytest
 from maths import transforms
 from runtime import sprite_shadows
 from runtime.player import Player
+from tests.runtime import domes
 
 pytestmark = pytest.mark.gpu
 
@@ -38,6 +39,31 @@ def sets(kit, write_scene, ctx):
     return make
 
 
+@pytest.mark.parametrize("size", [32, 64])
+def test_a_dome_casts_what_a_ring_of_its_outline_casts(kit, write_scene, ctx, size):
+    assets = {"ball": kit.sphere_asset(size=size), "bowl": domes.matt_ball(size=size, views=2)}
+    pair = []
+    for name, asset in assets.items():
+        raw = kit.scene_dict(ground={"albedo": [0.5, 0.5, 0.5]})
+        raw["billboards"][0]["name"] = name
+        folder = write_scene(raw, {name: asset}, name=name)
+        with Player(folder, size=(48, 32), context=ctx) as player:
+            shades = [sprite_shadows._coverage(player.sprites[0], *spots) for spots in SPOTS]
+            player.draw(0.0)
+            shade = player.targets.texture("shade").read()
+            pair.append((player.sprites[0], shades, np.frombuffer(shade, np.float16)))
+    (ring, ring_shades, ring_shade), (dome, dome_shades, dome_shade) = pair
+    # The same coverage to the code, so the same shadows to the bit
+    np.testing.assert_array_equal(dome.coarse, ring.coarse)
+    np.testing.assert_array_equal(dome.boxes, ring.boxes)
+    assert (dome.foot, dome.crown, dome.cover) == (ring.foot, ring.crown, ring.cover)
+    np.testing.assert_array_equal(dome_shades, ring_shades)
+    np.testing.assert_array_equal(dome_shade, ring_shade)
+    assert ring_shade.astype(float).min() < 0.5
+
+
+# Metres right of the pivot and up from it
+SPOTS = [(np.array([0.0, 0.3, 0.6]), np.array([0.5, 0.2, 0.9]))]
 EAST = transforms.normalise([1.0, 0.5, 0.0])
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from maths import area_lights
 from runtime.player import Player
 
 pytestmark = pytest.mark.gpu
@@ -49,6 +50,45 @@ def test_a_ball_lights_by_its_solid_angle(kit, shown):
     # Straight below: pi L sin^2
     expected = np.array(GREY["albedo"]) * 4 * (0.5 / 2) ** 2
     np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+FLAT = {
+    "disc": {"type": "disc", "position": [0.5, 1, 0.2], "facing": [0.5, -1, 0], "radius": 0.6},
+    "rectangle": {"type": "rectangle", "position": [0, 0.5, 0], "facing": [1, 0, 0.3],
+                  "size": [1, 2], "two_sided": True},
+    "polygon": {"type": "polygon", "outline": [[-1, 1, -1], [1, 1, -1], [0.5, 1, 1]],
+                "offset": [0, 0.5, 0]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FLAT)
+def test_flat_lights_light_by_their_closed_forms(kit, write_scene, ctx, name):
+    """The rectangle reaches under the ground: what is below the horizon gives nothing."""
+    lights = [{**FLAT[name], "radiance": [1, 2, 4]}]
+    raw = kit.scene_dict(billboards=None, ground=GREY, camera=DOWN, lights=lights)
+    size = 48
+    with Player(write_scene(raw, {}), size=(size, size), context=ctx) as player:
+        found = player.linear(0.0)[..., :3]
+        state = player.lights
+        rays = player.view.world_from_ray(1.0)
+    x = 2 * (np.arange(size) + 0.5) / size - 1
+    ray = np.stack([*np.meshgrid(x, -x), np.ones((size, size))], axis=-1) @ rays.T
+    point = np.array(DOWN["position"]) - 6 * ray / ray[..., 1:2]
+    up = np.broadcast_to([0.0, 1.0, 0.0], point.shape)
+    if name == "disc":
+        (disc,) = state.discs
+        expected = area_lights.disc_irradiance(
+            point, up, disc.position, disc.axis, disc.radius, disc.radiance
+        )
+    else:
+        (flat,) = state.polygons
+        expected = area_lights.polygon_irradiance(
+            point, up, flat.corners, flat.radiance, two_sided=flat.two_sided
+        )
+    expected = expected * GREY["albedo"] / np.pi
+    assert expected.max() > 0.05
+    # Half floats, and 1e-5 of the light by single precision
+    np.testing.assert_allclose(found, expected, rtol=2 * HALF, atol=1e-4 * expected.max())
 
 
 def test_a_sun_below_the_horizon_gives_nothing(kit, shown):

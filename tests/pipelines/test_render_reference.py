@@ -1,0 +1,115 @@
+"""`render --reference`: what it writes, what it says, and that its picture is the player's."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake import reference
+from bake.reference_film import develop
+from formats import scene as scenes
+from formats.files import exr, image
+from pipelines.cli import run
+from pipelines.render_scene import trace_scene
+
+BARE = """
+format = 1
+time = { duration = 1.0, frame_rate = 4 }
+[camera]
+position = [0, 1.5, 5]
+target = [0.3, 1.2, 0]
+focal_length_mm = 30
+[[lights]]
+type = "sun"
+to_light = [0.3, 0.5, -0.8]
+irradiance = [3, 2, 1]
+angular_diameter = 0
+[ground]
+albedo = [0.3, 0.4, 0.2]
+accent = [0.1, 0.1, 0.3]
+scale = 30.0
+[picture]
+sky = { zenith = [0.1, 0.2, 0.5], horizon = [0.6, 0.6, 0.6], glow = [0.4, 0.2, 0.1] }
+fog = { extinction = 0.02, radiance = [0.5, 0.4, 0.5], falloff = 0.3 }
+film = { exposure = 0.5, vignette = 0.7 }
+"""
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    (tmp_path / "scenes").mkdir()
+    path = tmp_path / "scenes" / "bare.toml"
+    path.write_text(BARE)
+    return path
+
+
+def test_a_picture_and_a_table_of_time(
+    bare: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "x.png"
+    flags = ["-o", out, "--size", "8x4", "--reference", "--samples", "4", "--jobs", "1"]
+    assert run([str(a) for a in ["render", bare, *flags]]) == 0
+    assert image.read(out).shape == (4, 8, 3)
+    said = capfd.readouterr()
+    assert said.out.splitlines() == [str(out)]
+    assert "Mray/s" in said.err
+    assert "bare-000.00" in said.err
+
+
+def test_frames_become_files_with_their_errors(bare: Path, tmp_path: Path) -> None:
+    job = trace_scene(bare, tmp_path / "x.exr", size="4x4", frames="0:2", samples=4)
+    assert [f.name for f in job.files] == ["bare-00000.exr", "bare-00001.exr"]
+    parts = exr.read(job.files[0])
+    assert list(parts) == ["beauty", "error"]
+    assert json.dumps(job.profile)
+
+
+def test_movies_are_refused_in_one_line(
+    bare: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    flags = ["-o", str(tmp_path / "x.gif"), "--reference", "--frames", "0:2"]
+    assert run(["render", str(bare), *flags]) == 2
+    assert "the reference writes .png, .exr or a folder" in capfd.readouterr().err
+
+
+def test_it_never_imports_opengl(bare: Path, tmp_path: Path) -> None:
+    code = (
+        "import sys; from pathlib import Path; from pipelines.render_scene import trace_scene; "
+        "trace_scene(Path(sys.argv[1]), Path(sys.argv[2]), size='4x4', samples=2); "
+        "print(sorted(m for m in sys.modules if m.split('.')[0] in ('moderngl', 'runtime')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(bare), str(tmp_path / "x.png")],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=Path(__file__).resolve().parents[2],
+    )
+    assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.gpu
+def test_ground_sky_fog_and_film_are_those_of_the_player(bare: Path, tmp_path: Path) -> None:
+    from pipelines.bake_scene import bake_scene
+    from runtime.player import Player
+
+    folder = bake_scene(bare, root=None, build_folder=tmp_path / "build").folder
+    player = Player(folder, size=(48, 32))
+    try:
+        linear, picture = player.linear(0.25)[..., :3], player.frame(0.25)[..., :3]
+    finally:
+        player.close()
+    scene = scenes.load(bare)
+    # The film of one is the film of the other; float32 may round a value to the next code
+    codes = np.abs(develop(linear, scene, 0.25).astype(int) - picture)
+    assert codes.max() <= 1
+    assert np.mean(codes > 0) < 1e-3
+    params = reference.Params(width=48, height=32, time=0.25, samples=256, bounces=0)
+    traced = reference.render(scene, params=params)
+    shown = np.abs(develop(traced.radiance, scene, 0.25).astype(int) - picture)
+    # A pixel is one point to the player and an area here: that shows at the horizon and in the glow
+    assert np.quantile(shown, 0.95) <= 2
+    assert shown.mean() < 1
