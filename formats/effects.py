@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from formats import film_bounds, fog_bounds, lens_bounds, light_bounds
+from formats import film_bounds, fog_bounds, lens_bounds, light_bounds, occlusion_bounds
 from formats.errors import InputError
 from formats.lens_blur import largest_texels
 from formats.lens_bounds import Blur
+from formats.meshes import KINDS, PlacedMesh, shown
 from formats.plan import LINES, Decision, EffectPlan, LightPlan
 from formats.poses import mesh_balls, poses
 from formats.scene import Billboards, EnvironmentLight, Scene
@@ -115,17 +116,33 @@ def environment(scene: Scene, reports: Reports, lines: int) -> Decision:
 
 def surface(scene: Scene, reports: Reports, lines: int) -> Decision:
     """Opaque meshes, where any stands. InputError where more lights shine than its shader takes."""
-    if not scene.meshes:
-        return Decision(False, "the scene has no mesh", 0.0, "meshes")
+    found = [mesh for mesh in scene.meshes if mesh.lighting == "direct"]
+    if not found:
+        which = " with direct lighting" if scene.meshes else ""
+        return Decision(False, f"the scene has no mesh{which}", 0.0, "meshes")
     near = sum(not isinstance(light, EnvironmentLight) for light in scene.lights)
     if near > MOST_LIGHTS:
         remedy = f"meshes take at most {MOST_LIGHTS} lights besides environments; join or drop some"
         raise InputError(scene.file, "lights", near, remedy)
-    count = len(scene.meshes)
-    reason = f"{count} mesh{'es' * (count > 1)} stand{'s' * (count == 1)} in it"
+    return _standing(scene, reports, found, "stand")
+
+
+def transfer(scene: Scene, reports: Reports, lines: int) -> Decision:
+    """Opaque meshes that shade and light themselves, where any stands."""
+    found = [mesh for mesh in scene.meshes if mesh.lighting == "transfer"]
+    if not found:
+        return Decision(False, "no mesh has lighting = transfer", 0.0, "meshes")
+    return _standing(scene, reports, found, "lit by transfer stand")
+
+
+def _standing(scene: Scene, reports: Reports, found: list[PlacedMesh], do: str) -> Decision:
+    """Meshes, called for where they may be seen."""
+    count = len(found)
+    reason = f"{count} mesh{'es' * (count > 1)} {do}{'s' * (count == 1)} in it"
     # A lens over meshes blurs what is behind them too: only without one do they leave no trace
-    known = all("bounds" in reports.get(f"mesh/{mesh.name}", {}) for mesh in scene.meshes)
-    if known and scene.camera.lens is None and not _seen(scene, _mesh_balls(scene, reports)):
+    known = all("bounds" in reports.get(f"{KINDS[m.lighting]}/{m.name}", {}) for m in found)
+    around = _mesh_balls(scene, reports, {mesh.name for mesh in found})
+    if known and scene.camera.lens is None and not _seen(scene, around):
         return Decision(False, f"{reason}, out of every view", 0.0, CODES)
     return Decision(True, reason, float(count), "meshes")
 
@@ -149,6 +166,25 @@ def sky(scene: Scene, reports: Reports, lines: int) -> Decision:
     return Decision(True, "picture.sky is described")
 
 
+def occlusion(scene: Scene, reports: Reports, lines: int) -> Decision:
+    """Soft shadows of meshes, where light may reach something opaque past one."""
+    casters = [mesh for mesh in scene.meshes if mesh.shadow is not None]
+    if not casters:
+        return Decision(False, "no mesh has a shadow", 0.0, CODES)
+    if not any(each.kept for each in lights(scene, reports)):
+        return Decision(False, "no light is kept that a mesh could hide", 0.0, CODES)
+    passes = {"surface" if mesh.lighting == "direct" else mesh.lighting for mesh in casters}
+    if all(scene.force.get(name) is False for name in passes):
+        return Decision(False, "the meshes are forced off, and so are their shadows")
+    codes, share, name = occlusion_bounds.codes(scene, reports)
+    count = len(casters)
+    reason = (
+        f"{count} mesh{'es' * (count > 1)} cast{'s' * (count == 1)} a shadow, {name} of at most "
+        f"{100 * share:.2g} % of the light"
+    )
+    return Decision(codes >= LEAST_CODES, reason, codes, CODES, codes)
+
+
 def fog(scene: Scene, reports: Reports, lines: int) -> Decision:
     """Fog, where it changes the farthest thing seen by more than half an 8-bit code."""
     described = scene.picture.fog
@@ -170,7 +206,7 @@ def defocus(scene: Scene, reports: Reports, lines: int) -> Decision:
     """
     if scene.camera.lens is None:
         return Decision(False, "the camera has no lens")
-    if not scene.meshes or scene.force.get("surface") is False:
+    if not shown(scene):
         return Decision(False, "no mesh stands in it, and the ground blurs by its own", 0.0, "px")
     blur = lens_bounds.of_opaque(scene, reports, lines)
     if blur is None:
@@ -230,12 +266,12 @@ def _lens(blur: Blur, lines: int, why_not: str, factor: float = 1.0) -> Decision
 def _blurs_ground(scene: Scene) -> bool:
     """Whether the ground blurs itself: with meshes the gather does."""
     drawn = scene.ground is not None and scene.force.get("ground") is not False
-    return drawn and (not scene.meshes or scene.force.get("surface") is False)
+    return drawn and not shown(scene)
 
 
-def _mesh_balls(scene: Scene, reports: Reports) -> list[tuple[Any, Any]]:
+def _mesh_balls(scene: Scene, reports: Reports, names: set[str]) -> list[tuple[Any, Any]]:
     found = mesh_balls(scene, reports, lens_bounds.UNKNOWN_REACH)
-    return [(middle[None], np.array([radius])) for _, middle, radius in found]
+    return [(middle[None], np.array([radius])) for name, middle, radius in found if name in names]
 
 
 def _seen(scene: Scene, found: list[tuple[Any, Any]]) -> bool:
@@ -256,9 +292,29 @@ EFFECTS = (
         lambda scene: any(isinstance(light, EnvironmentLight) for light in scene.lights),
         environment,
     ),
-    Row("surface", ("mesh",), "[[meshes]]", lambda scene: bool(scene.meshes), surface),
+    Row(
+        "surface",
+        ("mesh",),
+        "[[meshes]]",
+        lambda scene: any(mesh.lighting == "direct" for mesh in scene.meshes),
+        surface,
+    ),
+    Row(
+        "transfer",
+        ("transfer",),
+        '[[meshes]] with lighting = "transfer"',
+        lambda scene: any(mesh.lighting == "transfer" for mesh in scene.meshes),
+        transfer,
+    ),
     Row("ground", (), "[ground]", lambda scene: scene.ground is not None, ground),
     Row("sky", (), "picture.sky", lambda scene: scene.picture.sky is not None, sky),
+    Row(
+        "occlusion",
+        ("occlusion",),
+        "meshes.shadow",
+        lambda scene: any(mesh.shadow is not None for mesh in scene.meshes),
+        occlusion,
+    ),
     Row("fog", (), "picture.fog", lambda scene: scene.picture.fog is not None, fog),
     Row("defocus", (), "camera.lens", lambda scene: scene.camera.lens is not None, defocus),
     Row(

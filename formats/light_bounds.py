@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from formats import film_bounds
 from formats.lens_bounds import UNKNOWN_REACH, Reports
+from formats.meshes import PlacedMesh, shown
 from formats.plan import LightPlan
 from formats.poses import mesh_balls
 from formats.scene import (
@@ -103,12 +104,16 @@ def _radiance(scene: Scene, reports: Reports, light: Light) -> float | None:
         if irradiance is None:
             return None
         opaque = irradiance * max(*scene.ground.albedo, *scene.ground.accent) / np.pi
-    if scene.force.get("surface") is not False:
-        for _, middle, radius in mesh_balls(scene, reports, UNKNOWN_REACH):
-            irradiance = _irradiance(reports, scene, light, middle, middle, radius, flat=True)
-            if irradiance is None:
-                return None
-            opaque = max(opaque, irradiance / np.pi)
+    drawn = {mesh.name: mesh for mesh in shown(scene)}
+    for name, middle, radius in mesh_balls(scene, reports, UNKNOWN_REACH):
+        if name not in drawn:
+            continue
+        flat = drawn[name].lighting == "direct"
+        irradiance = _irradiance(reports, scene, light, middle, middle, radius, flat=flat)
+        if irradiance is None:
+            return None
+        gain = 1.0 if flat else _gain(drawn[name])
+        opaque = max(opaque, gain * irradiance / np.pi)
     if scene.force.get("billboard") is not False:
         for billboards in scene.billboards:
             instances = billboards.instances()
@@ -124,6 +129,16 @@ def _radiance(scene: Scene, reports: Reports, light: Light) -> float | None:
                 return None
             sprites += len(instances) * float(instances.tint.max()) * response * irradiance
     return opaque + sprites
+
+
+def _gain(mesh: PlacedMesh) -> float:
+    """The most that transfer makes of light from all directions together.
+
+    By Cauchy and Schwarz at most |T| |L|: a light of one direction has |L| = sqrt(K / 4 pi), the
+    clamped cosine |T| = sqrt(2 pi / 3), and each bounce adds no more than that.
+    """
+    harmonics = (mesh.transfer.l_max + 1) ** 2
+    return float((1 + mesh.transfer.bounces) * np.sqrt(harmonics / 6.0) * ROUNDING)
 
 
 def _irradiance(

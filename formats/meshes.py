@@ -1,19 +1,71 @@
 # ruff: noqa: RUF009 -- item() is dataclasses.field() with the schema as its metadata
 """Meshes that stand in a scene as they are: opaque surfaces under the scene's lights."""
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from formats import schema
 from formats.keyed import Keyed
-from formats.schema import item
+from formats.schema import Where, item
 from formats.sprites import MESHES
 from maths import transforms
 
 Array = NDArray[np.float64]
+MAX_VALUES = 1 << 27
+"""Most voxels times harmonics of a volume."""
+KINDS = {"direct": "mesh", "transfer": "transfer"}
+"""Asset that each lighting of a mesh needs."""
+EFFECTS = {"direct": "surface", "transfer": "transfer"}
+"""Effect that draws it."""
+LEAST_EDGE = 1e-4
+"""Of a mesh's longest side: shorter edges would make too many faces of any mesh."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shadow:
+    """The soft shadow that a mesh casts on what is opaque: a volume of what it hides."""
+
+    grid: int = item("integer", "voxels a side of the volume", 32, low=2, high=128)
+    l_max: int = item("integer", "highest band of spherical harmonics", 4, low=0, high=8)
+    components: int = item("integer", "numbers a voxel, four a texture", 16, low=1, high=48)
+    rays: int = item(
+        "integer",
+        "rays of a voxel beside the mesh, at least one a harmonic; far ones get fewer",
+        None,
+        low=16,
+        high=65536,
+        by_quality=(256, 1024, 2048, 4096),
+    )
+    coloured: bool = item("flag", "each channel by its own light; false: by luminance", True)
+    falloff: bool = item("flag", "thins beyond the volume; false: as at its edge", True)
+    self: bool = item("flag", "it falls on the mesh itself too", False)
+
+    @property
+    def harmonics(self) -> int:
+        """Number K of spherical harmonics."""
+        return (self.l_max + 1) ** 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferKnobs:
+    """What each vertex makes of light from every direction, where `lighting` is transfer."""
+
+    l_max: int = item("integer", "highest band of spherical harmonics", 4, low=0, high=8)
+    rays: int = item("integer", "rays of a vertex", 256, low=2, high=65536)
+    bounces: int = item("integer", "of light from the mesh to itself", 2, low=0, high=64)
+    edge: float = item(
+        "number",
+        "longest edge, as a share of the mesh's longest side; longer ones are halved, 0: none is",
+        0.03125,
+        low=0,
+        high=1,
+    )
+    components: int = item("integer", "numbers a vertex, in fours", 24, low=1, high=32)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,9 +93,15 @@ class PlacedMesh:
         high=1e6,
     )
     scale: float = item("number", "factor on the mesh's size", 1.0, low=1e-6, high=1e6)
-    lighting: Literal["direct"] = item(
-        "text", "direct: every light in closed form, without shadows", "direct", choices=("direct",)
+    lighting: Literal["direct", "transfer"] = item(
+        "text",
+        "direct: every light in closed form, without shadows; transfer: shadowed by itself and lit "
+        "by light from itself, softly, by any number of lights",
+        "direct",
+        choices=("direct", "transfer"),
     )
+    transfer: TransferKnobs = item("table", "of lighting by transfer", {}, table=TransferKnobs)
+    shadow: Shadow | None = item("table", "calls for its soft shadow", None, table=Shadow)
 
     def world_from_mesh(self, t: float) -> Array:
         """Matrix (4, 4) at t seconds: scale, then turns, then position."""
@@ -56,3 +114,33 @@ class PlacedMesh:
     def still(self) -> bool:
         """Whether it never moves."""
         return self.position.constant and self.rotation.constant
+
+
+def shown(scene: Any) -> tuple[PlacedMesh, ...]:
+    """The meshes of a scene that [force] leaves in the picture."""
+    found: tuple[PlacedMesh, ...] = scene.meshes
+    return tuple(m for m in found if scene.force.get(EFFECTS[m.lighting]) is not False)
+
+
+def complete(mesh: PlacedMesh, quality: int) -> PlacedMesh:
+    """Fill what the shadow leaves open with the numbers of the quality."""
+    if mesh.shadow is None or mesh.shadow.rays is not None:
+        return mesh
+    rays = schema.specs(Shadow)["rays"].by_quality[quality]
+    return dataclasses.replace(mesh, shadow=dataclasses.replace(mesh.shadow, rays=rays))
+
+
+def check(mesh: PlacedMesh, where: Where) -> None:
+    """Refuse what only several fields of a mesh together show to be wrong."""
+    if 0 < mesh.transfer.edge < LEAST_EDGE:
+        place = where.at("transfer").at("edge")
+        place.refuse(mesh.transfer.edge, f"write 0, or at least {LEAST_EDGE:g}")
+    shadow = mesh.shadow
+    if shadow is None:
+        return
+    place = where.at("shadow")
+    if shadow.rays is not None and shadow.rays < shadow.harmonics:
+        place.at("rays").refuse(shadow.rays, f"write at least {shadow.harmonics}, one a harmonic")
+    if shadow.grid**3 * shadow.harmonics > MAX_VALUES:
+        remedy = f"voxels times harmonics are at most {MAX_VALUES:,}: lower grid or l_max"
+        place.at("grid").refuse(shadow.grid, remedy)

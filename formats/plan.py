@@ -7,8 +7,10 @@ from typing import Any
 FRAME = (
     "environment",
     "surface",
+    "transfer",
     "ground",
     "sky",
+    "occlusion",
     "fog",
     "defocus",
     "billboard",

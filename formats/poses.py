@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.keyed import Keyed
+from formats.meshes import KINDS
 from formats.scene import NEAR, Camera, Scene
 from maths import transforms
 
@@ -162,7 +163,7 @@ def mesh_balls(
     unknown : metres from the origin at scale 1 of a mesh that no report measures.
     """
     for mesh in scene.meshes:
-        report = reports.get(f"mesh/{mesh.name}", {})
+        report = reports.get(f"{KINDS[mesh.lighting]}/{mesh.name}", {})
         low, high = mesh.position.extremes
         corners = np.abs(report.get("bounds", [[unknown, 0.0, 0.0]])).max(axis=0)
         reach = mesh.scale * float(np.linalg.norm(corners))

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import lights, plan, schema
+from formats import lights, meshes, plan, schema
 from formats.errors import InputError
 from formats.instances import Instances
 from formats.keyed import Keyed
@@ -217,6 +217,7 @@ def from_dict(
         check_source(group, place.at("billboards").item(i))
     quality = QUALITIES.index(found.get("quality", "balanced"))
     found["billboards"] = tuple(complete(b, quality) for b in found.get("billboards", ()))
+    found["meshes"] = tuple(meshes.complete(m, quality) for m in found.get("meshes", ()))
     scene = Scene(
         name=name,
         raw=copy.deepcopy(raw),
@@ -265,6 +266,7 @@ def _check(scene: Scene, where: Where) -> None:
             place.refuse(mesh.name, "write at most 64 letters, digits, - and _")
         if mesh.name in [other.name for other in scene.meshes[:i]]:
             place.refuse(mesh.name, "give each mesh another name")
+        meshes.check(mesh, where.at("meshes").item(i))
     names = [billboards.name for billboards in scene.billboards]
     for i, billboards in enumerate(scene.billboards):
         place = where.at("billboards").item(i)

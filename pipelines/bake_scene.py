@@ -16,6 +16,7 @@ from bake.store import Store
 from formats import photograph_files, seal
 from formats import scene as scenes
 from formats.errors import DamagedError, InputError
+from formats.meshes import KINDS, PlacedMesh
 from formats.plan import Plan
 from formats.sprites import Billboards
 from pipelines import bake_sprites, reports
@@ -84,6 +85,12 @@ def _jobs(scene: scenes.Scene, plan: Plan) -> Iterator[tuple[str, str, Run]]:
         _, name = asset.name.split("/")
         if asset.kind == "billboard":
             yield asset.name, asset.kind, partial(_billboard, scene, groups[name])
+        elif asset.kind == "occlusion":
+            placed = next(placed for placed in scene.meshes if placed.name == name)
+            yield asset.name, asset.kind, partial(_occlusion, placed)
+        elif asset.kind == "transfer":
+            placed = next(placed for placed in scene.meshes if placed.name == name)
+            yield asset.name, asset.kind, partial(_transfer, placed)
         elif asset.kind == "mesh":
             source = next(placed.source for placed in scene.meshes if placed.name == name)
             yield asset.name, asset.kind, partial(_mesh, source)
@@ -93,6 +100,47 @@ def _jobs(scene: scenes.Scene, plan: Plan) -> Iterator[tuple[str, str, Run]]:
 
 def _billboard(scene: scenes.Scene, group: Billboards, store: Store, watch: Watch | None) -> Entry:
     return bake_sprites.bake(store, bake_sprites.of_scene(scene, group), watch)
+
+
+def _occlusion(placed: PlacedMesh, store: Store, watch: Watch | None) -> Entry:
+    return bake_sprites.bake(store, _occlusion_steps(placed), watch)
+
+
+def _occlusion_steps(placed: PlacedMesh) -> bake_sprites.Sprite:
+    """Rays, then components, each an entry of its own."""
+    from bake import compress, occlusion
+    from formats.occlusion import Occlusion, OcclusionHarmonics
+
+    shadow = placed.shadow
+    if shadow is None:
+        raise TypeError(f"{placed.name} has no shadow")
+    rays = occlusion.Params(grid=shadow.grid, l_max=shadow.l_max, rays=shadow.rays)
+    pack = compress.Params(components=shadow.components)
+    steps = (
+        bake_sprites.Step(occlusion.trace, rays, OcclusionHarmonics.load),
+        bake_sprites.Step(compress.compress, pack, Occlusion.load),
+    )
+    return bake_sprites.Sprite(bake_sprites.mesh_source(placed.source), steps)
+
+
+def _transfer(placed: PlacedMesh, store: Store, watch: Watch | None) -> Entry:
+    stage, source, params = _transfer_stage(placed)
+    return store.run(stage, source, params=params, on_progress=watch)
+
+
+def _transfer_stage(placed: PlacedMesh) -> tuple[Stage, Source[Any], Any]:
+    from bake import transfer
+
+    knobs = placed.transfer
+    params = transfer.Params(
+        mode="interreflected" if knobs.bounces else "shadowed",
+        l_max=knobs.l_max,
+        rays=knobs.rays,
+        bounces=max(knobs.bounces, 1),
+        edge=knobs.edge,
+        components=knobs.components,
+    )
+    return transfer.trace, bake_sprites.mesh_source(placed.source), params
 
 
 def _mesh(path: Path, store: Store, watch: Watch | None) -> Entry:
@@ -113,7 +161,8 @@ def known_reports(scene: scenes.Scene, build_folder: Path) -> reports.Reports:
         return {}
     store = Store(build_folder / "store")
     names = [f"billboard/{group.name}" for group in scene.billboards]
-    names += [f"mesh/{placed.name}" for placed in scene.meshes]
+    names += [f"{KINDS[placed.lighting]}/{placed.name}" for placed in scene.meshes]
+    names += [f"occlusion/{placed.name}" for placed in scene.meshes if placed.shadow]
     lights = [isinstance(light, scenes.EnvironmentLight) for light in scene.lights]
     names += [f"environment/{i}" for i, environment in enumerate(lights) if environment]
     last = {name: _located(store, scene, name)[-1] for name in names}
@@ -139,7 +188,13 @@ def _located(store: Store, scene: scenes.Scene, asset: str) -> tuple[Entry, ...]
     if kind == "billboard":
         group = next(group for group in scene.billboards if group.name == name)
         return bake_sprites.located(store, bake_sprites.of_scene(scene, group))
-    if kind == "mesh":
+    if kind == "occlusion":
+        placed = next(placed for placed in scene.meshes if placed.name == name)
+        return bake_sprites.located(store, _occlusion_steps(placed))
+    if kind == "transfer":
+        placed = next(placed for placed in scene.meshes if placed.name == name)
+        stage, source, params = _transfer_stage(placed)
+    elif kind == "mesh":
         placed = next(placed for placed in scene.meshes if placed.name == name)
         stage, source, params = _mesh_stage(placed.source)
     else:

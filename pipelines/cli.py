@@ -48,7 +48,9 @@ def cli() -> None:
 @build_option
 @jobs_option
 @click.option(
-    "--only", type=click.Choice(["billboard", "environment"]), help="Bake one kind alone."
+    "--only",
+    type=click.Choice(["billboard", "environment", "mesh", "occlusion"]),
+    help="Bake one kind alone.",
 )
 @json_option
 def bake(

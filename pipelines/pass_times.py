@@ -13,8 +13,10 @@ from formats.scene import Scene
 # On two cores without a card, a million pixels; no scene's own content is known
 ESTIMATES = {
     "surface": 60.0,
+    "transfer": 30.0,
     "ground": 90.0,
     "sky": 25.0,
+    "occlusion": 450.0,
     "fog": 25.0,
     "defocus": 900.0,
     "billboard": 40.0,

@@ -23,6 +23,9 @@ PIXEL_LIGHTS_A_SECOND = 5e6  # of photographs' fit, decoding included: 72 of 402
 DOME_KNOBS = 1.5  # seconds: choosing a dome's smoothness, whatever its size
 ENVIRONMENT_SECONDS = 0.5
 MESH_SECONDS = 1.0
+TRANSFER_BYTE_RAYS_A_SECOND = 6e7  # of a mesh's bytes times a vertex's rays: 70,000 faces in 20 s
+OCCLUSION_START = 1.5  # seconds: reading a mesh, components, the proof of the report
+OCCLUSION_RAYS_A_SECOND = 1e8  # of voxels times rays asked for: far voxels get fewer
 ENVIRONMENT_BYTES = 64 * 32 * 8  # RGBA16F
 TYPICAL_PHOTOGRAPHS = 64  # where a plan is made without its sources
 MARGIN = 1.5  # texture over object, each side, with room for blur
@@ -30,7 +33,14 @@ MIPS = 4 / 3
 TARGET_BYTES = 8 + 4  # a pixel: RGBA16F and depth
 SAMPLES = 4  # of both, besides, where meshes have edges
 # Bytes a pixel of what a pass adds to colour, depth and the picture
-TARGETS = {"surface": TARGET_BYTES * SAMPLES, "ground": 8, "film": 4 + TARGET_BYTES, "defocus": 68}
+TARGETS = {
+    "surface": TARGET_BYTES * SAMPLES,
+    "transfer": TARGET_BYTES * SAMPLES,
+    "ground": 8,
+    "occlusion": 4,
+    "film": 4 + TARGET_BYTES,
+    "defocus": 68,
+}
 
 
 def build(
@@ -115,7 +125,22 @@ def _assets(
                 add("environment", name, lit.source, ENVIRONMENT_SECONDS, ENVIRONMENT_BYTES)
     if "mesh" in kinds:
         for mesh in scene.meshes:
-            add("mesh", mesh.name, mesh.source, MESH_SECONDS, _mesh_bytes(mesh))
+            if mesh.lighting == "direct":
+                add("mesh", mesh.name, mesh.source, MESH_SECONDS, _mesh_bytes(mesh))
+    if "transfer" in kinds:
+        for mesh in scene.meshes:
+            if mesh.lighting == "transfer":
+                # About 40 bytes of a file a vertex, whose numbers come on top
+                size = _mesh_bytes(mesh)
+                spent = MESH_SECONDS + size * mesh.transfer.rays / TRANSFER_BYTE_RAYS_A_SECOND
+                more = size * mesh.transfer.components // 40
+                add("transfer", mesh.name, mesh.source, spent, size + more)
+    if "occlusion" in kinds:
+        for mesh in scene.meshes:
+            if (shadow := mesh.shadow) is not None:
+                work = shadow.grid**3 * shadow.rays / OCCLUSION_RAYS_A_SECOND
+                size = shadow.grid**3 * 4 * -(-shadow.components // 4)
+                add("occlusion", mesh.name, mesh.source, OCCLUSION_START + work, size)
     if "billboard" in kinds:
         for billboards in scene.billboards:
             size = _bytes(billboards)
@@ -202,12 +227,16 @@ def _table(
     rows: Sequence[tuple[bool, tuple[str, ...]]],
 ) -> None:
     """Print rows, those that count bold."""
+    from rich import box
     from rich.markup import escape
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    # Reasons give way to what is short, down to a width in which they can be read
+    table = Table(title=title, title_justify="left", box=box.SIMPLE, padding=(0, 1, 0, 0))
     for name in columns:
-        table.add_column(name, overflow="fold")
+        long = name in ("because", "source")
+        kept = name in ("effect", "asset", "codes", "bake s", "MB")
+        table.add_column(name, overflow="fold", no_wrap=kept, min_width=13 if long else None)
     for counts, row in rows:
         table.add_row(*(escape(cell) for cell in row), style="bold" if counts else "dim")
     console.print(table)
@@ -234,7 +263,7 @@ def summary(plan: Plan) -> str:
     """Cost in a few lines: bake from nothing, memory, what a frame draws, and what is left out."""
     passes = [name for name in plan.called if name not in ("environment", "depth_of_field")]
     width = round(plan.lines * 16 / 9)
-    targets = 1 + SAMPLES if "surface" in plan.called else 1
+    targets = 1 + SAMPLES if {"surface", "transfer"} & set(plan.called) else 1
     memory = (plan.bytes + width * plan.lines * TARGET_BYTES * targets) / 1e6
     measured = all(e.timed == "measured" for e in plan.effects if e.milliseconds > 0)
     moves = "Nothing moves: one frame is enough." if plan.still else f"It moves: {plan.motion}."

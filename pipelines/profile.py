@@ -60,13 +60,15 @@ def measure(player: Any, times: Sequence[float], frames: int = FRAMES) -> dict[s
 
 def show(profile: dict[str, Any], console: Console | None = None) -> None:
     """Print a profile as a table; in colour only on a terminal and without NO_COLOR."""
+    from rich import box
     from rich.console import Console
     from rich.table import Table
 
     console = console or Console()
     width, height = profile["size"]
     title = f"{width}x{height}, {profile['renderer']}"
-    table = Table(title=title, title_justify="left", show_footer=True)
+    # Eighty columns hold it whole
+    table = Table(title=title, title_justify="left", show_footer=True, box=box.SIMPLE)
     table.add_column("pass", "sum", no_wrap=True)
     names = ["ms", "quartiles", "programs", "textures", "MB", "draws"]
     for name, footer in zip(names, _cells(profile["total"], ""), strict=True):

@@ -19,9 +19,12 @@ folder_out = click.option(
 def add_to(group: click.Group) -> None:
     """Hang these commands under the program."""
     from pipelines.billboard import billboard
+    from pipelines.occlusion import occlusion
     from pipelines.photographs import photographs
+    from pipelines.transfer import transfer
 
-    for command in (billboard, environment, photographs, relight, inspect, store):
+    commands = (billboard, environment, occlusion, photographs, transfer, relight, inspect, store)
+    for command in commands:
         group.add_command(command)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -41,7 +40,7 @@ class Camera:
             focus_distance=lens.focus_distance.at(time) if lens else None,
         )
 
-    @cached_property
+    @property
     def view_from_world(self) -> NDArray[np.float64]:
         """(4, 4)."""
         return transforms.look_at(self.position, self.target)

@@ -84,7 +84,8 @@ class Player:
             loading = self._load_sprites(pool)
             self._owns_context = context is None
             self.ctx = capture.make_context() if context is None else context
-            self.targets = Frame(self.ctx, size, SAMPLES if "surface" in self.called else 1)
+            opaque = {"surface", "transfer"}.intersection(self.called)
+            self.targets = Frame(self.ctx, size, SAMPLES if opaque else 1)
             self.programs = Programs(self.ctx)
             with self._within("billboard"):
                 self.sprites = [

@@ -13,10 +13,15 @@ from numpy.typing import NDArray
 from formats import mesh as meshes
 from formats.errors import DamagedError, InputError
 from formats.files import glb
-from formats.meshes import PlacedMesh
+from formats.meshes import KINDS, PlacedMesh
+from runtime.camera import column_major
+from runtime.shader import set_uniforms
 
 SRGB8_ALPHA8 = 0x8C43
 ANISOTROPY = 8.0
+GEOMETRY = {"position": (4, "f4"), "normal": (4, "f2"), "id": (1, "i4")}
+"""Targets of what is nearest: components and type."""
+PASSES = Path(__file__).parent / "passes"
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +29,8 @@ class Part:
     """Triangles of one material.
 
     vertices : buffer of rows of floats. columns : attribute -> floats, in order. index : buffer of
-    32-bit numbers of vertices.
+    32-bit numbers of vertices. custom : what a vertex array takes of the file's custom attributes.
+    double_sided : light is known on both sides of its faces.
     """
 
     vertices: Any
@@ -33,6 +39,8 @@ class Part:
     texture: Any
     base_color: tuple[float, float, float]
     emissive: tuple[float, float, float]
+    custom: tuple[Any, ...] = ()
+    double_sided: bool = False
 
     @property
     def defines(self) -> dict[str, bool]:
@@ -55,25 +63,37 @@ class Surface:
     parts: tuple[Part, ...]
 
 
-def load(player: Any) -> tuple[Surface, ...]:
-    """Put every mesh of the player's scene on the card, what several share once.
+def load(player: Any, lighting: tuple[str, ...] = tuple(KINDS)) -> tuple[Surface, ...]:
+    """Put the meshes of the player's scene on the card that are lit in one of these ways, what
+    several share once.
 
     Raises DamagedError where a mesh is missing or its bytes changed.
     """
-    folders = player.folders("mesh")
+    folders = {way: player.folders(KINDS[way]) for way in lighting}
     shared: dict[Path, tuple[Part, ...]] = {}
     surfaces = []
     for number, placed in enumerate(player.scene.meshes, start=1):
-        folder = folders.get(placed.name)
+        if placed.lighting not in lighting:
+            continue
+        folder = folders[placed.lighting].get(placed.name)
         if folder is None:
-            where = f"assets.mesh/{placed.name}"
+            where = f"assets.{KINDS[placed.lighting]}/{placed.name}"
             raise DamagedError(player.folder / "manifest.json", where, "missing", "bake it again")
         if folder not in shared:
             textures: dict[bytes, Any] = {}
-            parts = meshes.primitives(folder)
+            parts = _primitives(placed.lighting, folder)
             shared[folder] = tuple(_part(player, part, textures, folder) for part in parts)
         surfaces.append(Surface(number, placed, shared[folder]))
     return tuple(surfaces)
+
+
+def _primitives(lighting: str, folder: Path) -> tuple[glb.Primitive, ...]:
+    if lighting == "direct":
+        return meshes.primitives(folder)
+    # Only scenes that call for transfer need its format
+    from formats import transfer
+
+    return transfer.primitives(folder)
 
 
 def _part(player: Any, part: glb.Primitive, textures: dict[bytes, Any], folder: Path) -> Part:
@@ -99,7 +119,19 @@ def _part(player: Any, part: glb.Primitive, textures: dict[bytes, Any], folder: 
         texture=textures.get(data) if data is not None else None,
         base_color=material.base_color[:3],
         emissive=material.emissive,
+        custom=_custom(player, part),
+        double_sided=material.double_sided,
     )
+
+
+def _custom(player: Any, part: glb.Primitive) -> tuple[Any, ...]:
+    """Put custom attributes on the card, each of four numbers: codes from 0 to 1, half floats."""
+    if not part.attributes:
+        return ()
+    names = sorted(part.attributes)
+    stored = np.concatenate([part.attributes[name] for name in names], axis=1)
+    layout = " ".join(["4f1" if stored.dtype == np.uint8 else "4f2"] * len(names))
+    return (_filled(player, stored), layout, *(name.lower().lstrip("_") for name in names))
 
 
 def texture(player: Any, codes: NDArray[np.float32], name: str) -> Any:
@@ -129,3 +161,62 @@ def _filled(player: Any, values: NDArray[Any]) -> Any:
     made = player.buffer(data.nbytes)
     made.write(data)
     return made
+
+
+class Geometry:
+    """Draws the targets that later passes read, one sample a pixel.
+
+    wanted : names of GEOMETRY. over : draws over what another pass left in them.
+    """
+
+    def __init__(
+        self, player: Any, drawn: tuple[Surface, ...], wanted: tuple[str, ...], over: bool = False
+    ) -> None:
+        self._player, self._surfaces, self._over = player, drawn, over
+        self._names = tuple((name, *GEOMETRY[name]) for name in wanted)
+        places = {f"AT_{name.upper()}": i for i, name in enumerate(wanted)}
+        flags = {name.upper(): name in wanted for name in GEOMETRY}
+        program = player.programs.get(
+            PASSES / "surface.vert",
+            PASSES / "surface_geometry.frag",
+            {**flags, **places},
+            {"TEXTURED": False, "COLOURED": False},
+        )
+        self._arrays = [[self._array(program, part) for part in s.parts] for s in drawn]
+
+    def _array(self, program: Any, part: Part) -> Any:
+        return self._player.vertex_array(program, part.content(program), part.index)
+
+    def draw(self, time: float) -> None:
+        """Draw the nearest surface of each pixel at `time` seconds."""
+        player = self._player
+        target = player.targets.targets(self._names, "depth")
+        target.use()
+        if not self._over:
+            target.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        player.ctx.enable_only(moderngl.DEPTH_TEST)
+        player.ctx.depth_func = "<="
+        for surface, arrays in zip(self._surfaces, self._arrays, strict=True):
+            place = {**place_uniforms(player, surface, time), "number": surface.number}
+            for array in arrays:
+                set_uniforms(array.program, place)
+                player.targets.draw(array, mode=moderngl.TRIANGLES)
+
+
+def wanted_geometry(player: Any) -> tuple[str, ...]:
+    """Names of GEOMETRY that some pass of the player reads."""
+    read = {name for drawn in player.passes.values() for name in drawn.reads}
+    return tuple(name for name in GEOMETRY if name in read)
+
+
+def place_uniforms(player: Any, surface: Surface, time: float) -> dict[str, Any]:
+    """Matrices of a mesh at `time` seconds."""
+    width, height = player.targets.size
+    world_from_mesh = surface.placed.world_from_mesh(time)
+    clip_from_world = player.view.clip_from_world(width / height)
+    return {
+        "clip_from_mesh": column_major(clip_from_world @ world_from_mesh),
+        "world_from_mesh": column_major(world_from_mesh),
+        # A rotation: the inverse transpose of a rotation and one scale is that rotation
+        "world_from_normal": column_major(world_from_mesh[:3, :3] / surface.placed.scale),
+    }

@@ -1,4 +1,4 @@
-"""Write the plants and stones of the grove as GLB files beside this script.
+"""Write plants, stones, glowing mushrooms and a bust as GLB files beside this script.
 
 python assets/meshes/make_meshes.py [NAME ...] [--to FOLDER]
 """
@@ -9,9 +9,12 @@ from pathlib import Path
 
 import birch
 import broadleaf
+import bust
 import conifers
+import glowcaps
 import grasses
 import herbs
+import plinth
 import shrubs
 import stonework
 from clay import Clay
@@ -37,6 +40,12 @@ MAKERS: dict[str, Callable[[], Clay]] = {
     "lantern": stonework.lantern,
     "stones": stonework.stones,
     "mushrooms": stonework.mushrooms,
+    "parasol": glowcaps.parasol,
+    "bell": glowcaps.bell,
+    "firefly": glowcaps.firefly,
+    "bust": bust.bust,
+    "plinth": plinth.plinth,
+    "gallery_wall": plinth.wall,
 }
 
 

@@ -1,9 +1,10 @@
 """Render the pictures of README and docs again: the grove at four hours and through a day, a tree
-relit, and a sprite's light by four methods.
+relit, a sprite's light by four methods, the player beside the traced reference, and a bust between
+two lamps.
 
-Run by `make images`; other hours may be given. Writes grove.webp (four panels, 1200 pixels wide,
-under 400 kB), grove-day.webp (a loop of 72 frames, under 3 MB), relit.webp and normal-map.webp
-beside this file.
+Run by `make images`; other hours may be given, or `frame` or `bust` for one picture alone. Writes
+grove.webp (four panels, 1200 pixels wide, under 400 kB), grove-day.webp (a loop of 72 frames, under
+3 MB), relit.webp, normal-map.webp, frame.webp and bust.webp (four panels) beside this file.
 """
 
 import subprocess
@@ -45,6 +46,39 @@ METHODS = {
     "ring": "ring, 12 bytes",
     "dome": "dome, 16 bytes",
 }
+
+
+# The player beside the reference: scene, seconds, size, paths a pixel
+FRAME, FRAME_AT, FRAME_SIZE, FRAME_PATHS, FRAME_BYTES = "glowcaps", 6.0, (480, 270), 32, 300_000
+
+
+# The bust turns once in 24 seconds
+BUST, BUST_AT = "assets/scenes/bust.toml", [0.0, 6.0, 12.0, 18.0]
+
+
+def frame(folder: Path) -> Image.Image:
+    """Play a frame and trace it without shadows, side by side; print the PSNR between them."""
+    from bake import reference, reference_film
+    from formats import scene as scenes
+    from maths.image_error import psnr
+    from pipelines.bake_scene import bake_scene
+    from runtime.player import Player
+
+    path = ROOT / "assets" / "scenes" / f"{FRAME}.toml"
+    width, height = FRAME_SIZE
+    with Player(bake_scene(path, build_folder=folder).folder, size=FRAME_SIZE) as player:
+        played = player.linear(FRAME_AT)[..., :3]
+    params = reference.Params(
+        width=width, height=height, time=FRAME_AT, samples=FRAME_PATHS, bounces=0, shadows=False
+    )
+    scene = scenes.load(path)
+    traced = reference.render(scene, params=params).radiance
+    shown = [reference_film.develop(picture, scene, FRAME_AT) for picture in (played, traced)]
+    print(f"{FRAME} at {FRAME_AT:g} s: PSNR {psnr(shown[0] / 255, shown[1] / 255):.1f} dB")
+    sheet = Image.new("RGB", (2 * width + GAP, height), "white")
+    for i, picture in enumerate(shown):
+        sheet.paste(Image.fromarray(picture), (i * (width + GAP), 0))
+    return sheet
 
 
 def relit(folder: Path) -> Image.Image:
@@ -97,13 +131,13 @@ def compared() -> Image.Image:
     return sheet
 
 
-def render(folder: Path, hours: list[float], size: str) -> list[Image.Image]:
+def render(folder: Path, hours: list[float], size: str, scene: str = SCENE) -> list[Image.Image]:
     """Render the scene at these hours, in one process, as pictures in their order."""
     times = [word for hour in hours for word in ("--time", f"{hour:.2f}")]
-    program = [sys.executable, "-m", "pipelines.cli", "render", SCENE, "--size", size]
+    program = [sys.executable, "-m", "pipelines.cli", "render", scene, "--size", size]
     command = [*program, *times, "-o", f"{folder}/"]
     subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-    paths = [folder / f"{Path(SCENE).stem}-{hour:06.2f}.png" for hour in hours]
+    paths = [folder / f"{Path(scene).stem}-{hour:06.2f}.png" for hour in hours]
     return [Image.open(path).convert("RGB") for path in paths]
 
 
@@ -116,6 +150,11 @@ def arrange(pictures: list[Image.Image]) -> Image.Image:
         panel = picture.resize((width, height), Image.Resampling.LANCZOS)
         sheet.paste(panel, ((i % 2) * (width + GAP), (i // 2) * (height + GAP)))
     return sheet
+
+
+def bust(folder: Path) -> Image.Image:
+    """Show the turning bust at four moments, on a sheet."""
+    return arrange(render(folder, BUST_AT, "1192x672", BUST))
 
 
 def save(pictures: list[Image.Image], path: Path, largest: int) -> None:
@@ -133,15 +172,27 @@ def save(pictures: list[Image.Image], path: Path, largest: int) -> None:
 
 def main() -> None:
     """Render, arrange, save, and say where."""
+    if sys.argv[1:] == ["frame"]:
+        with tempfile.TemporaryDirectory() as folder:
+            save([frame(Path(folder))], HERE / "frame.webp", FRAME_BYTES)
+        return
+    if sys.argv[1:] == ["bust"]:
+        with tempfile.TemporaryDirectory() as folder:
+            save([bust(Path(folder))], HERE / "bust.webp", SHEET_BYTES)
+        return
     hours = [float(word) for word in sys.argv[1:]] or HOURS
     day = np.interp(np.arange(FRAMES), REACHED, AT) % 24
     with tempfile.TemporaryDirectory() as folder:
         stills = render(Path(folder), hours, "1192x672")
         frames = render(Path(folder), [round(float(hour), 2) for hour in day], "480x270")
         tree = relit(Path(folder))
+        beside = frame(Path(folder))
+        museum = bust(Path(folder))
     save([arrange(stills)], HERE / "grove.webp", SHEET_BYTES)
     save(frames, HERE / "grove-day.webp", DAY_BYTES)
     save([tree], HERE / "relit.webp", SHEET_BYTES)
+    save([beside], HERE / "frame.webp", FRAME_BYTES)
+    save([museum], HERE / "bust.webp", SHEET_BYTES)
     save([compared()], HERE / "normal-map.webp", COMPARED_BYTES)
 
 

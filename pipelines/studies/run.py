@@ -20,6 +20,7 @@ QUESTIONS = (
     "ring_models",
     "dome",
     "normal_map",
+    "occlusion_rays",
 )
 
 

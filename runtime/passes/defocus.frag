@@ -10,6 +10,7 @@ uniform sampler2D tiles;
 uniform sampler2D front_sum;
 uniform sampler2D blurred_sum;
 uniform sampler2D radius_sum;
+uniform sampler2D before_sum;
 uniform ivec2 full_size;
 uniform int side;
 uniform float farthest;
@@ -82,6 +83,25 @@ vec3 mended(ivec2 here, float radius, vec3 wide_mean, vec3 blurred) {
     return blurred;
 }
 
+// Beyond focus, the soft edge of a surface over what lies behind it: a layer over the sprites
+// between the two. Sets the depths, and returns nothing where there is no edge.
+vec4 edge(float radius, vec4 wide, vec4 before, vec2 sums) {
+    float after = wide.a - before.a;
+    float covers = before.a / max(wide.a, 1e-4);
+    if (radius <= SHARP || before.a <= 1e-3 || after <= 1e-3) return vec4(0.0);
+    float front = sums.x / before.a;
+    float back = sums.y / after;
+    if (abs(radius - front) < abs(radius - back)) {
+        covers = mix(1.0, covers, layered(radius));
+        if (covers > 0.999) return vec4(0.0);
+        gl_FragDepth = depth_of_radius(back, farthest, focus_over_near);
+    } else {
+        covers *= layered(front);
+    }
+    front_depth = depth_of_radius(front, farthest, focus_over_near);
+    return vec4(before.rgb / before.a, 1.0) * covers;
+}
+
 void main() {
     ivec2 here = ivec2(gl_FragCoord.xy);
     vec3 reach = texelFetch(tiles, here / (2 * side), 0).rgb;
@@ -100,11 +120,15 @@ void main() {
     vec4 wide = textureLod(blurred_sum, where, 0.0);
     vec3 wide_mean = wide.a > 1e-4 ? wide.rgb / wide.a : colour.rgb;
     front = textureLod(front_sum, where, 0.0);
-    float front_radius = textureLod(radius_sum, where, 0.0).r;
+    vec3 radius_sums = textureLod(radius_sum, where, 0.0).rgb;
+    float front_radius = radius_sums.r;
 
     // Small circles: every pixel whose own reaches this one
     vec4 beside = vec4(0.0);
     vec4 over = vec4(0.0);
+    vec4 small = vec4(0.0);
+    float small_radius = 0.0;
+    float counted = 0.0;
     if (reach.b > 0.0) {
         for (int i = 0; i < 49; ++i) {
             ivec2 step = ivec2(i % 7, i / 7) - 3;
@@ -115,11 +139,12 @@ void main() {
             float r = clamp(signed_radius(z, farthest, focus_over_near), -widest, widest);
             float kernel = kernel_radius(abs(r));
             float wider = layered(abs(r));
+            counted += disc_share(away, own_kernel, 1.0);
             vec3 there = texelFetch(opaque_colour, at, 0).rgb;
             if (is_nearer(r, z, vec2(at) + 0.5)) {
                 float part = (1.0 - wider) * disc_share(away, kernel, 1.0);
-                front += part * vec4(there, 1.0);
-                front_radius += part * r;
+                small += part * vec4(there, 1.0);
+                small_radius += part * r;
             } else {
                 float covered = (1.0 - wider) * disc_share(away, kernel, 1.0);
                 over += covered * behind(radius, r, away) * vec4(there, 1.0);
@@ -128,6 +153,14 @@ void main() {
             }
         }
     }
+
+    // Inside a front it hides all: shares of a soft disc over pixels do not add up to 1
+    if (nearer && share < 1.0) {
+        small /= counted;
+        small_radius /= counted;
+    }
+    front += small;
+    front_radius += small_radius;
 
     vec3 behind_front = colour.rgb;
     vec4 clean = !nearer && reach.r > 0.0 ? unmixed(here) : vec4(0.0);
@@ -149,7 +182,7 @@ void main() {
         front /= max(front.a, 1.0);
         colour.rgb = front.rgb + (1.0 - front.a) * behind_front;
     } else {
-        front = vec4(0.0);
         colour.rgb = behind_front;
+        front = edge(radius, wide, textureLod(before_sum, where, 0.0), radius_sums.gb);
     }
 }

@@ -1,8 +1,9 @@
 """The lens on opaque things: a gather that keeps foreground and background apart.
 
 Reads colour and depth; writes colour, depth, and the layers `near` (premultiplied) and `near_depth`
-of what is blurred in front of focus, which the sprites lay over themselves. `depth` becomes that
-of what lies behind that layer. What stands nearer than focus is a front layer with coverage; the
+of what is blurred in front, which the sprites lay over themselves: what is nearer than focus, or
+the edge of something beyond focus over what lies behind it. `depth` becomes that of what lies
+behind that layer. What stands nearer than focus is a front layer with coverage; the
 ground, which hides nothing that stands on it, belongs to the base. Circles of half a pixel or less
 change nothing, and a sharp pixel takes no part in a blur.
 
@@ -32,7 +33,7 @@ RINGS = 6  # texels of the widest radius on the level that is gathered
 SIDE = 8  # texels of a tile
 WIDEST = 0.25  # heights of the picture: no radius is larger
 SPLIT = ("front", "blurred", "base", "radii")
-SUMS = ("front_sum", "blurred_sum", "radius_sum")
+SUMS = ("front_sum", "blurred_sum", "radius_sum", "before_sum")
 FINISHED = (("colour", 4, "f2"), ("near", 4, "f2"), ("near_depth", 1, "f4"))
 
 

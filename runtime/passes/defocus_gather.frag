@@ -13,7 +13,9 @@ uniform int side;
 
 layout(location = 0) out vec4 front_sum;    // premultiplied
 layout(location = 1) out vec4 blurred_sum;  // not normalised
-layout(location = 2) out vec4 radius_sum;   // front's radius times its alpha
+// Radius times alpha: of the front; beyond focus, of what lies before an edge and what behind it
+layout(location = 2) out vec4 radius_sum;
+layout(location = 3) out vec4 before_sum;   // share of blurred_sum that lies before an edge
 
 float on_level(float radius, float texel) {
     // Less what averaging the texels, the ramp and the enlargement add to the variance
@@ -22,7 +24,7 @@ float on_level(float radius, float texel) {
 }
 
 void main() {
-    front_sum = blurred_sum = radius_sum = vec4(0.0);
+    front_sum = blurred_sum = radius_sum = before_sum = vec4(0.0);
     ivec2 here = ivec2(gl_FragCoord.xy);
     vec2 widest = texelFetch(tiles, here / side, 0).rg;
     float reach = max(widest.x, widest.y);
@@ -40,6 +42,9 @@ void main() {
         in_front > 0.0 ? -texelFetch(radii, here, 0).r / radius_weight(own_front) : 0.0;
     float front_kernel = on_level(front_radius, texel);
     float counted = 0.0;
+    vec4 nearer_sum = vec4(0.0);
+    vec4 farther_sum = vec4(0.0);
+    vec3 by_layer = vec3(0.0);  // sums of radii: all, nearer, farther
 
     vec2 middle = 2.0 * gl_FragCoord.xy;
     reach += 0.5 * texel;
@@ -68,14 +73,25 @@ void main() {
                 float mean = r.y / max(radius_weight(far), 1e-5);
                 float kernel = on_level(abs(mean), texel);
                 // Seen past the edge of this surface only as far as its own circle reaches
-                kernel = mix(kernel, min(kernel, here_kernel), behind(mean, here_radius, away));
-                blurred_sum += disc_share(away, kernel, texel) * texel * texel * far;
+                float farther = behind(mean, here_radius, away);
+                kernel = mix(kernel, min(kernel, here_kernel), farther);
+                vec4 given = disc_share(away, kernel, texel) * texel * texel * far;
+                float nearer = behind(here_radius, mean, away);
+                blurred_sum += given;
+                nearer_sum += nearer * given;
+                farther_sum += farther * given;
+                by_layer += given.a * mean * vec3(1.0, nearer, farther);
             }
         }
     }
+    // This texel lies on one side of an edge, and its share of the other tells of the edge
+    bool beyond = nearer_sum.a > farther_sum.a;
+    before_sum = beyond ? nearer_sum : blurred_sum - farther_sum;
+    radius_sum.g = beyond ? by_layer.y : by_layer.x - by_layer.z;
+    radius_sum.b = by_layer.x - radius_sum.g;
     if (in_front > 0.0) {
         float whole = mix(1.0, counted, min(in_front / layered(front_radius), 1.0));
         front_sum /= whole;
-        radius_sum /= whole;
+        radius_sum.r /= whole;
     }
 }

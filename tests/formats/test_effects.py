@@ -59,7 +59,10 @@ def everything() -> scene.Scene:
         lens=lens(),
         lights=[{"type": "environment", "source": "a.exr"}],
         ground={},
-        meshes=[{"name": "rock", "source": "rock.glb"}],
+        meshes=[
+            {"name": "rock", "source": "rock.glb", "shadow": {}},
+            {"name": "bust", "source": "bust.glb", "lighting": "transfer"},
+        ],
         picture={
             "sky": {"zenith": [0, 0, 1], "horizon": [1, 1, 1]},
             "fog": {"extinction": 0.01, "radiance": [1, 1, 1]},
@@ -275,6 +278,38 @@ def test_meshes_call_for_the_surface_pass() -> None:
     assert found.reason == "1 mesh stands in it"
     two = made(meshes=[ROCK, {**ROCK, "name": "stone"}])
     assert decided(two, "surface").reason == "2 meshes stand in it"
+
+
+def test_meshes_lit_by_transfer_are_not_drawn_by_the_surface_pass() -> None:
+    bust = {**ROCK, "name": "bust", "lighting": "transfer"}
+    assert not decided(made(meshes=[ROCK]), "transfer").called
+    one = made(meshes=[bust])
+    assert decided(one, "transfer").kinds == ("transfer",)
+    assert decided(one, "transfer").reason == "1 mesh lit by transfer stands in it"
+    assert not decided(one, "surface").called
+    assert decided(one, "surface").reason == "the scene has no mesh with direct lighting"
+    both = made(meshes=[ROCK, bust])
+    assert decided(both, "surface").reason == "1 mesh stands in it"
+    assert decided(both, "transfer").called
+    # Without them the ground blurs itself
+    lensed = made(meshes=[bust], lens=lens(), ground={})
+    assert decided(lensed, "defocus").called
+    off = made(meshes=[bust], lens=lens(), ground={}, force={"transfer": False})
+    assert not decided(off, "defocus").called
+
+
+def test_transfer_takes_any_number_of_lights() -> None:
+    sun = {"type": "sun", "to_light": [0, 1, 0], "irradiance": [3, 3, 3]}
+    many = made(meshes=[{**ROCK, "lighting": "transfer"}], lights=[sun] * 40)
+    assert decided(many, "transfer").called
+
+
+def test_transfer_out_of_every_view_is_left_out_once_measured() -> None:
+    far = {**ROCK, "lighting": "transfer", "position": [0, 0, 1e4]}
+    report = {"transfer/rock": {"bounds": [[-1, -1, -1], [1, 1, 1]]}}
+    found = {e.name: e for e in effects.decide(made(meshes=[far]), report)}
+    assert not found["transfer"].called
+    assert decided(made(meshes=[far]), "transfer").called
 
 
 def test_more_lights_than_meshes_take_are_refused() -> None:

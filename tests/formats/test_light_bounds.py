@@ -5,10 +5,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from formats import effects, scene
+from formats import effects, film_bounds, scene
 from formats.errors import InputError
 from formats.plan import LightPlan
-from maths import area_lights, circular_harmonics, colour, disc_lights, polygon_lights
+from maths import (
+    area_lights,
+    circular_harmonics,
+    colour,
+    disc_lights,
+    polygon_lights,
+    spherical_harmonics,
+    spherical_projection,
+)
 
 LINEAR = {"picture": {"film": {"tonemap": "linear"}}}
 UP = np.array([0.0, 1.0, 0.0])
@@ -160,3 +168,24 @@ def test_lights_can_be_forced() -> None:
     assert on[0].kept
     with pytest.raises(InputError, match=r"force\.lights"):
         plans(sun(1.0), force={"lights": False})
+
+
+def test_transfer_makes_no_more_of_a_sun_than_said(rng: np.random.Generator) -> None:
+    """Whatever is hidden: vectors of random visibility, the brightest direction of light."""
+    rock = {"name": "rock", "source": "rock.glb", "lighting": "transfer"}
+    knobs = {"transfer": {"l_max": 4, "bounces": 0}}
+    film = {"film": {"tonemap": "linear"}}
+    (plan,) = plans(sun(1e-3), meshes=[{**rock, **knobs}], picture=film)
+    toward, area = spherical_projection.quadrature(24)
+    basis = spherical_harmonics.evaluate(toward, 4)
+    cosine = np.maximum(toward[:, 2], 0) * area
+    # Smooth random functions cut at 0: what is seen comes in patches
+    patches = basis @ rng.normal(size=(25, 64)) > rng.normal(size=64)
+    vectors = (patches * cosine[:, None]).T @ basis
+    most = 1e-3 * float((vectors @ basis.T).max()) / np.pi
+    bound = film_bounds.added(made(sun(1e-3), picture=film).picture.film, most)
+    assert plan.codes is not None
+    assert 0.5 * plan.codes < bound <= plan.codes
+    (twice,) = plans(sun(1e-3), meshes=[{**rock, "transfer": {"bounces": 1}}], picture=film)
+    assert twice.codes is not None
+    assert twice.codes > 1.5 * plan.codes

@@ -123,8 +123,28 @@ LIGHTS = "runtime.light_uniforms"
         ("ground", {}, {"ground": {}}, ["runtime.ground_shadows", LIGHTS], 1, 2, []),
         # The depth, the set's texture and the table of records
         ("billboard", {}, SPRITES, [], 1, 3, ["bake.billboard.trace", "bake.mips.pack"]),
+        # Meshes lit so are drawn by it, not by the surface pass
+        (
+            "transfer",
+            {},
+            {"meshes": [{**HOUSE["meshes"][0], "lighting": "transfer"}]},
+            ["runtime.surfaces", "runtime.light_harmonics"],
+            1,
+            1,
+            ["bake.transfer.trace"],
+        ),
+        # Its volume, and whose each pixel is, which the surfaces draw with a program more
+        (
+            "occlusion",
+            {**HOUSE, "ground": {}},
+            {"meshes": [{**HOUSE["meshes"][0], "shadow": {"grid": 8}}]},
+            ["runtime.casters", "runtime.light_harmonics"],
+            2,
+            2,
+            ["bake.compress.compress", "bake.occlusion.trace"],
+        ),
         # Four layers, two of tiles, three sums, copies of colour and depth, the near layer's two
-        ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 4, 13, []),
+        ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 4, 14, []),
     ],
 )
 def test_an_effect_adds_exactly_its_own_to_a_bare_scene(
@@ -154,5 +174,5 @@ def test_an_effect_adds_exactly_its_own_to_a_bare_scene(
 
 
 def test_every_effect_is_counted() -> None:
-    here = {"environment", "surface", "ground", "sky", "fog", "defocus", "billboard"}
-    assert here | {"depth_of_field", "film"} == set(FRAME)
+    here = {"environment", "surface", "ground", "sky", "occlusion", "fog", "defocus", "billboard"}
+    assert here | {"transfer"} | {"depth_of_field", "film"} == set(FRAME)

@@ -115,6 +115,19 @@ def test_estimates_grow_with_the_work() -> None:
     assert oak(packing="full").bytes == pytest.approx(plain.bytes * 5 / 3, rel=1e-6)
 
 
+def test_shadows_are_priced_by_their_voxels() -> None:
+    def priced(**shadow: Any) -> Any:
+        rock = {"name": "rock", "source": "rock.glb", "shadow": shadow}
+        assets = plan.build(made(ground={}, meshes=[rock])).assets
+        (found,) = [asset for asset in assets if asset.name == "occlusion/rock"]
+        return found
+
+    assert priced().bytes == 32**3 * 16
+    assert priced(grid=16).bytes == 16**3 * 16
+    assert priced(components=17).bytes == 32**3 * 20
+    assert priced(rays=4096).seconds > priced().seconds
+
+
 def test_domes_are_priced() -> None:
     def priced(source: str = "meshes/oak.glb", **knobs: Any) -> Any:
         sprites = {**RAW["billboards"][0], "source": source, **knobs}

@@ -26,6 +26,7 @@ SIZE = (64, 36)
 TENT = {"name": "tent", "source": "meshes/tent.glb", "height": 1.0, "resolution": 24, "samples": 4}
 FULL = {**TENT, "name": "full", "packing": "full"}
 HOUSE = {"name": "house", "source": "meshes/tent.glb"}
+SHADOW = {"shadow": {"grid": 8, "l_max": 3, "rays": 64}}
 EVEN = {"type": "environment", "source": "environments/even.hdr"}
 # A wide lens, so that the assets have every level that another scene may ask for
 ALL = {
@@ -37,7 +38,7 @@ ALL = {
         "lens": {"f_number": 0.5, "focus_distance": 1.0},
     },
     "lights": [EVEN],
-    "meshes": [HOUSE],
+    "meshes": [{**HOUSE, **SHADOW}],
     "billboards": [{**each, "positions": [[0, 0, 0]]} for each in (TENT, FULL)],
 }
 Raw = dict[str, Any]
@@ -135,6 +136,9 @@ def random_scene(rng: np.random.Generator) -> Raw:
     if rng.random() < 0.35:
         where = rng.uniform([-3, 0, -6], [3, 0.5, 12]).tolist()
         raw["meshes"] = [{**HOUSE, "position": keyed(rng, where, [0.0, 0.0, 0.0])}]
+        if rng.random() < 0.7:
+            where[1] += some(rng, 1.0, 3000.0) if rng.random() < 0.5 else 0.0
+            raw["meshes"] = [{**HOUSE, **SHADOW, "position": where}]
     return raw
 
 
@@ -142,6 +146,7 @@ def everything(raw: Raw) -> Raw:
     """Force on all that a scene describes, and every light."""
     described = {
         "surface": "meshes" in raw,
+        "occlusion": any("shadow" in each for each in raw.get("meshes", [])),
         "billboard": "billboards" in raw,
         "ground": "ground" in raw,
         "environment": any(each["type"] == "environment" for each in raw["lights"]),
@@ -184,6 +189,7 @@ def drawing(
     def draw(raw: Raw) -> tuple[Plan, list[Any]]:
         assets = {f"billboard/{b['name']}": "" for b in raw.get("billboards", [])}
         assets |= {f"mesh/{m['name']}": "" for m in raw.get("meshes", [])}
+        assets |= {f"occlusion/{m['name']}": "" for m in raw.get("meshes", []) if "shadow" in m}
         for i, each in enumerate(raw["lights"]):
             if each["type"] == "environment":
                 assets[f"environment/{i}"] = "environment/0"

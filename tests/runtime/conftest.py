@@ -12,13 +12,17 @@ from formats import seal
 from formats.billboard import Billboard, Ring
 from formats.environment import Environment
 from formats.mesh import Material, Mesh
+from formats.occlusion import Occlusion
+from formats.transfer import Transfer
 from maths import sprite_packing
 
 FRAME = (
     "environment",
     "surface",
+    "transfer",
     "ground",
     "sky",
+    "occlusion",
     "fog",
     "defocus",
     "billboard",
@@ -163,7 +167,11 @@ def write_scene(tmp_path):
             asset.save(place)
             seal.seal(place)
             kind = "mesh" if isinstance(asset, Mesh) else "billboard"
-            where[f"{kind}/{asset_name}"] = f"assets/{asset_name}"
+            kind = "transfer" if isinstance(asset, Transfer) else kind
+            if isinstance(asset, Occlusion):
+                # Of the mesh of that name: shadow-ball is of ball
+                kind, asset_name = "occlusion", asset_name.removeprefix("shadow-")
+            where[f"{kind}/{asset_name}"] = f"assets/{place.name}"
         if environment is not None:
             place = folder / "assets" / "environment0"
             place.mkdir()
@@ -193,9 +201,11 @@ def called_for(raw):
     picture = raw.get("picture", {})
     wanted = {
         "environment": any(light["type"] == "environment" for light in raw.get("lights", [])),
-        "surface": bool(raw.get("meshes")),
+        "surface": any(m.get("lighting") != "transfer" for m in raw.get("meshes", [])),
+        "transfer": any(m.get("lighting") == "transfer" for m in raw.get("meshes", [])),
         "ground": "ground" in raw,
         "sky": "sky" in picture,
+        "occlusion": any("shadow" in mesh for mesh in raw.get("meshes", [])),
         "fog": "fog" in picture,
         "defocus": bool(raw.get("meshes")) and "lens" in raw["camera"],
         "billboard": bool(raw.get("billboards")),

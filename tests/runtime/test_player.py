@@ -14,10 +14,11 @@ import pytest
 from formats import seal
 from formats.errors import DamagedError, InputError
 from formats.mesh import Material
+from formats.transfer import Layout, Transfer
 from runtime.passes import fog
 from runtime.player import Player
 from runtime.shader import Programs, compose
-from tests.runtime import domes
+from tests.runtime import domes, shadow_truth
 
 pytestmark = pytest.mark.gpu
 ROOT = Path(__file__).resolve().parents[2]
@@ -262,9 +263,16 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
     ]
     scenes["full"]["picture"]["film"] = {"tonemap": "linear"}
     # A mesh with a texture and colours, and a pass that reads all about it
-    scenes["full"]["meshes"] = [{"name": "wall", "source": "meshes/wall.glb"}]
-    painted = Material(texture=np.ones((2, 2, 3), np.float32))
+    scenes["full"]["meshes"] = [
+        {"name": "wall", "source": "meshes/wall.glb", "shadow": {}},
+        {"name": "bust", "source": "meshes/bust.glb", "lighting": "transfer"},
+    ]
+    painted = Material(texture=np.ones((2, 2, 3), np.float32), emissive=(1.0, 1.0, 1.0))
     wall = kit.quad(painted, uv=np.zeros((6, 2)), colours=np.ones((6, 3)))
+    codes = np.full((6, 32), 128, np.uint8)
+    layout = Layout(np.ones(32, np.float32), np.ones((32, 1, 1)), np.eye(2, 3), 8)
+    bust = Transfer(wall, codes, layout)
+    shadow = shadow_truth.ball_volume(shadow_truth.small_box(), grid=4)
     monkeypatch.setattr(fog.Pass, "reads", ("depth", "position", "normal", "id"))
     for terms, packing, unpack in (
         (5, "twelve", "chroma"),
@@ -274,9 +282,8 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
         asset = kit.sphere_asset(size=16, terms=terms, packing=packing, unpack=unpack)
         for name, raw in scenes.items():
             environment = EVEN if name == "full" else None
-            folder = write_scene(
-                raw, {"ball": asset, "wall": wall}, environment=environment, name=f"{name}{terms}"
-            )
+            assets = {"ball": asset, "wall": wall, "bust": bust, "shadow-wall": shadow}
+            folder = write_scene(raw, assets, environment=environment, name=f"{name}{terms}")
             with Player(folder, size=(8, 8), context=ctx) as player:
                 player.frame(0.0)
     Player(

@@ -120,6 +120,8 @@ def test_a_thousand_frames_hold_nothing_more(every_effect, ctx, alive):
 
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc/self/statm")
 def test_twenty_reloads_leave_nothing_behind(every_effect, ctx, alive):
+    # What other tests left behind must not go while this one counts
+    gc.collect()
     before, held = alive(), []
     for number in range(RELOADS):
         with Player(every_effect, size=SIZE, context=ctx) as player:
@@ -130,7 +132,11 @@ def test_twenty_reloads_leave_nothing_behind(every_effect, ctx, alive):
                 assert all(playing[kind] > before[kind] for kind in ("Texture", "Program"))
             player.targets.resize((SIZE[0] + number, SIZE[1]))
             player.frame(2.0)
-        assert alive() == before
+        # What other tests left in this context may still go, but nothing may come
+        left = alive()
+        assert all(left[kind] <= before[kind] for kind in before)
+        # In a large process cycles may wait long for their collection: they are no leak
+        gc.collect()
         held.append(resident())
     # The first reloads fill the caches of Python, numpy and the driver
     assert max(held[5:]) - held[5] < GROWTH

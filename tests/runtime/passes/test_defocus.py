@@ -87,6 +87,13 @@ def scenes(kit):
             {"red": red, "blue": blue, "ball": kit.sphere_asset()},
             True,
         ),
+        "sprites behind what is blurred behind": (
+            camera(0.8, 0.7, focal=50, position=[0, 0.8, 0], target=[0, 0.55, -2]),
+            [placed("blue", (0.05, 0.55, -2.0))],
+            [[-0.5, 0.05, -4.5], [0.2, 0.4, -4.4], [0.8, 0.05, -4.5]],
+            {"blue": blue, "ball": kit.sphere_asset()},
+            True,
+        ),
     }
 
 
@@ -144,6 +151,7 @@ def plain_gather(sharp, depth, view):
         ("both", 31.3, 2.5),
         ("ground", 36.8, 1.5),
         ("sprites", 36.3, 2.0),
+        ("sprites behind what is blurred behind", 37.3, 0.3),
     ],
 )
 def test_it_is_close_to_the_lens(kit, shown, name, least, over_plain):
@@ -212,6 +220,26 @@ def test_neither_side_of_an_edge_bleeds(kit, shown):
     # What the red gives away around it, it lacks inside: light is kept
     share = redness / np.median(redness[is_red & (redness > 0.9 * redness.max())])
     assert share.sum() == pytest.approx(is_red.sum(), rel=0.02)
+
+
+@pytest.mark.parametrize("radius", [0.4, 0.8, 1.5])
+def test_a_front_that_hardly_blurs_hides_a_bright_background(kit, shown, radius):
+    red = kit.quad(Material(base_color=RED), half=0.3)
+    bright = kit.quad(Material(base_color=GREY, emissive=(50.0, 50.0, 50.0)), half=9)
+    # c (1 - d_f / d) = -radius at 2 m, in front of focus at 2.2 m
+    lens = 0.085, 1.0, 2.2
+    wide = optics.pixels(optics.circle_of_confusion(2.0, *lens), SIZE[1], 0.024) / 2
+    back = placed("bright", (0, 1.2, -12), (0, 0, 0))
+    view = camera(2.2, float(wide / radius))
+    assets = {"red": red, "bright": bright}
+    ours, sharp, _, _ = shown(view, [placed("red", (0, 1.2, -2)), back], None, assets, False, False)
+    pad = np.pad(sharp[..., 0] < 2, 5)
+    h, w = sharp.shape[:2]
+    inside = np.all([pad[y : y + h, x : x + w] for y in range(11) for x in range(11)], axis=0)
+    assert inside.sum() > 300
+    # Half floats of colour, layers and sums round by 2^-11 each; one hundredth of the light behind
+    # would double the red
+    np.testing.assert_allclose(ours[inside], sharp[inside], rtol=5 * 2.0**-11)
 
 
 def test_it_has_four_programs_and_follows_the_size(kit, write_scene, ctx):

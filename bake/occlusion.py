@@ -1,0 +1,212 @@
+"""Which directions a mesh hides from the points around it, as harmonics in a volume.
+
+Points inside the solid are found first and cost no rays; they are filled from outside, so that a
+lookup between voxels does not bleed black. Every ray is an occlusion ray of Embree into the cone
+that can hit. As an occlusion is 0 or 1, its square integrates to its own mean: what the band limit
+leaves out is known without more rays, and with `adaptive` a voxel stops once its sampling error is
+small beside it.
+
+Memory: 32 bytes a coefficient and voxel at the peak (26 MB for 32^3 and l_max 4), 2 MB a thread,
+and the mesh with its tree.
+
+References
+----------
+Sloan, Kautz, Snyder 2002, Precomputed Radiance Transfer for Real-Time Rendering in Dynamic,
+Low-Frequency Lighting Environments, section 5 (neighbourhood transfer).
+Green 2003, Spherical Harmonic Lighting: The Gritty Details (visibility by rays).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bake import occlusion_inside, occlusion_proof, occlusion_rays, workers
+from bake.rays import RayScene
+from formats.errors import InputError
+from formats.mesh import Mesh
+from formats.occlusion import Box, OcclusionHarmonics
+
+Array = NDArray[np.float64]
+Float = NDArray[np.float32]
+
+THINNEST = 0.25  # of the longest half-extent
+SMALLEST, LARGEST = 1e-30, 1e30  # longest half-extent, metres: the player computes in float32
+MAX_VALUES = 1 << 27  # voxels times coefficients: 512 MB
+ROUND = 4  # times as many rays in each round of the adaptive mode
+
+
+@dataclass(frozen=True)
+class Params:
+    """Knobs. grid : voxels a side.  l_max : highest band.  rays : a voxel that sees the mesh all
+    around; smaller cones get fewer.  adaptive : 0, or stop a voxel where its sampling error is this
+    share of its truncation error.  proof : voxels whose shadows are traced on their own, for the
+    report."""
+
+    grid: int = 32
+    l_max: int = 4
+    rays: int = 1024
+    adaptive: float = 0.0
+    proof: int = 128
+
+    def check(self) -> None:
+        """Raise InputError for the first knob out of its range."""
+        ranges = {
+            "grid": (2, 256),
+            "l_max": (0, 10),
+            "rays": ((self.l_max + 1) ** 2, 1 << 16),
+            "adaptive": (0, 1),
+            "proof": (0, 4096),
+        }
+        for name, (low, high) in ranges.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                raise InputError("occlusion", name, value, f"choose from {low} to {high}")
+        values = self.grid**3 * (self.l_max + 1) ** 2
+        if values > MAX_VALUES:
+            remedy = f"voxels times coefficients are at most {MAX_VALUES}: lower grid or l_max"
+            raise InputError("occlusion", "grid", self.grid, remedy)
+
+
+def trace(
+    mesh: Mesh, *, params: Params, progress: workers.Progress = workers.silent
+) -> OcclusionHarmonics:
+    """Trace the volume around a mesh. InputError for knobs out of range and unusable meshes."""
+    params.check()
+    vertices, faces, dropped = _solid(mesh.checked())
+    # Refuse a box that the player could not hold before building the tree
+    box_of(vertices)
+    scene = RayScene(vertices, faces)
+    found = around(scene, vertices, faces, params=params, progress=progress)
+    told = {"faces_without_area": dropped, "notes": list(mesh.notes)}
+    return replace(found, quality=found.quality | told)
+
+
+def around(
+    scene: RayScene,
+    vertices: Array,
+    faces: NDArray[np.int64],
+    *,
+    params: Params,
+    progress: workers.Progress = workers.silent,
+) -> OcclusionHarmonics:
+    """Trace the volume around a scene of these vertices (n, 3), all in use, and faces (m, 3)."""
+    box, low, high = box_of(vertices)
+    low, high = (scene.to_unit(corner).astype(np.float64) for corner in (low, high))
+    exact = (box.voxel_centres(params.grid) - scene.centre) * scene.scale
+    points = exact.astype(np.float32)
+    # Find the solid; it lies within the bounding box
+    oriented = occlusion_inside.is_oriented(vertices, faces)
+    inside = np.all((exact > low) & (exact < high), axis=1)
+    inside[inside] = occlusion_inside.inside(scene, points[inside], oriented=oriented)
+    outside = np.flatnonzero(~inside)
+    if not len(outside):
+        raise InputError("mesh", "faces", len(faces), "no voxel lies outside: raise grid")
+    corners = scene.to_unit(vertices).astype(np.float64)
+    radius = float(np.linalg.norm(corners - (low + high) / 2, axis=1).max())
+    cones = occlusion_rays.cones(exact[outside], low, high, radius)
+    found, rays = _estimate(scene, points[outside], cones, outside, params, progress)
+    K, shape = (params.l_max + 1) ** 2, (params.grid,) * 3
+    terms, spread = np.zeros((inside.size, K), np.float32), np.zeros(inside.size, np.float32)
+    terms[outside] = found.terms
+    spread[outside] = np.sqrt(np.mean(np.square(found.halves), axis=1))
+    hole = inside.reshape(shape)
+    volume = occlusion_inside.filled(terms.reshape(*shape, K), hole)
+    proof = occlusion_proof.trace(scene, points, outside, params.proof, params.l_max)
+    quality = {
+        "rays": int(rays),
+        "inside_share": float(np.mean(inside)),
+        "oriented": oriented,
+        "sampling_error": _rms(found.halves),
+        "truncation_error": _rms(truncation(found.terms)) / K**0.5,
+        "coefficients_rms": _rms(found.terms),
+    }
+    return OcclusionHarmonics(
+        terms=volume,
+        inside=hole,
+        spread=spread.reshape(shape),
+        error=np.sqrt(np.mean(np.square(found.halves), axis=0)),
+        box=box,
+        proof_voxels=proof.voxels,
+        proof_lights=proof.lights,
+        proof_shadow=proof.shadow,
+        proof_radii=occlusion_proof.RADII,
+        quality=quality,
+    )
+
+
+def box_of(vertices: Array) -> tuple[Box, Array, Array]:
+    """Return the box of a volume about vertices (n, 3), and the corners of the bounding box.
+
+    InputError where the vertices lie at one place, or the box is too large or small for float32.
+    """
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    centre, half = low / 2 + high / 2, high / 2 - low / 2
+    longest = float(half.max())
+    if not SMALLEST <= longest <= LARGEST or np.abs(centre).max() > LARGEST:
+        remedy = f"scale the mesh to between {SMALLEST:g} and {LARGEST:g} m"
+        raise InputError("mesh", "half_extent", longest, remedy)
+    x, y, z = (float(v) for v in np.maximum(half, THINNEST * longest))
+    return Box((float(centre[0]), float(centre[1]), float(centre[2])), (x, y, z)), low, high
+
+
+def truncation(terms: Float) -> Float:
+    """Return (v,) RMS over the sphere, times sqrt(4 pi), of what bands above l_max would add.
+
+    terms : (v, K). An occlusion o is 0 or 1, so the integral of o^2 is that of o, 2 sqrt(pi) c0,
+    and what the coefficients keep of it is the sum of their squares (Parseval).
+    """
+    whole = 2 * np.sqrt(np.float32(np.pi)) * terms[:, 0]
+    return np.asarray(np.sqrt(np.maximum(whole - np.sum(np.square(terms), axis=1), 0)))
+
+
+def _estimate(
+    scene: RayScene,
+    points: Float,
+    cones: occlusion_rays.Cones,
+    keys: NDArray[np.int64],
+    params: Params,
+    progress: workers.Progress,
+) -> tuple[occlusion_rays.Estimate, int]:
+    """Trace all voxels, in rounds of more and more rays where the mode is adaptive."""
+    l_max = params.l_max
+    if not params.adaptive:
+        found = occlusion_rays.project(scene, points, cones, keys, params.rays, l_max, progress)
+        return found, occlusion_rays.total_of(cones, params.rays)
+    rounds = [params.rays]
+    while rounds[0] // ROUND >= max(4 * (l_max + 1) ** 2, 2 * occlusion_rays.FEWEST):
+        rounds.insert(0, rounds[0] // ROUND)
+    terms, halves = np.zeros((2, len(points), (l_max + 1) ** 2), np.float32)
+    active, total = np.arange(len(points)), 0
+    for n, rays in enumerate(rounds):
+        part = occlusion_rays.Cones(cones.axis[active], cones.angle[active], cones.share[active])
+        total += occlusion_rays.total_of(part, rays)
+        found = occlusion_rays.project(scene, points[active], part, keys[active], rays, l_max)
+        terms[active], halves[active] = found.terms, found.halves
+        error = np.sqrt(np.sum(np.square(found.halves), axis=1))
+        active = active[error > params.adaptive * truncation(found.terms)]
+        progress((n + 1) / len(rounds))
+        if not len(active):
+            break
+    return occlusion_rays.Estimate(terms, halves), total
+
+
+def _solid(mesh: Mesh) -> tuple[Array, NDArray[np.int64], int]:
+    """Return the vertices in use and the faces that have an area; how many have none."""
+    if not len(mesh.faces):
+        raise InputError("mesh", "faces", 0, "give a mesh with faces")
+    first = mesh.vertices[mesh.faces[0, 0]]
+    size = float(np.abs(mesh.vertices[mesh.faces] - first).max())
+    a, b, c = ((mesh.vertices[mesh.faces[:, i]] - first) / (size or 1.0) for i in range(3))
+    solid = np.any(np.cross(b - a, c - a) != 0, axis=1)
+    if not solid.any():
+        raise InputError("mesh", "faces", 0, "give a mesh whose faces have area")
+    used, faces = np.unique(mesh.faces[solid], return_inverse=True)
+    faces = faces.reshape(-1, 3).astype(np.int64)
+    return mesh.vertices[used], faces, int(np.count_nonzero(~solid))
+
+
+def _rms(values: NDArray[np.floating]) -> float:
+    return float(np.sqrt(np.mean(np.square(values, dtype=np.float64))))

@@ -1,0 +1,258 @@
+"""Rays of an occlusion volume: only into the cone that can hit the mesh, and on to harmonics.
+
+Each voxel has the smallest of three cones that hold the mesh's bounding box. Cones come in classes
+of falling solid angle; a class has one Fibonacci spiral and its harmonics, evaluated once about +z.
+A voxel's rays are that spiral turned to its own axis, with a spin of its own, so that voxels do not
+share their error; its coefficients are projected about +z and turned the same way, which on the
+harmonics is two constant products and three turns about z. Rays that miss the box are left to
+Embree, which drops one in 40 ns, where a slab test in numpy takes 150 ns for every ray.
+
+References
+----------
+Green 2003, Spherical Harmonic Lighting: The Gritty Details, appendix 1 (rotation by Z X Z -X Z).
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bake import workers
+from bake.rays import RayScene
+from maths import spherical_harmonics, spherical_rotation
+from maths.hashing import uniform01
+from maths.sampling import GOLDEN_ANGLE, orthonormal_basis
+
+Array = NDArray[np.float64]
+Float = NDArray[np.float32]
+Indices = NDArray[np.int64]
+
+TILE = 1 << 16  # rays in memory at once, a thread: 2 MB
+CHUNK = 4096  # voxels turned at once
+STEP = 2.0**0.125  # between the solid angles of two classes of cones
+SMALLEST = 2.0**-12  # share of the sphere of the smallest cone
+# Rays a voxel grow with its cone's share of the sphere to this power. The squared error goes like
+# outline * density^-1.5; the sum over voxels is then least for about .8
+POWER = 0.8
+FEWEST = 32  # rays a voxel
+MARGIN = 1e-3  # radians, what rounding to float32 may lose at a cone's rim
+# Error of a whole spiral over the difference of its halves: measured on a mesh of 70,000 faces, the
+# bar is then 1 to 1.2 times the error for 128 to 2,048 rays
+HALVES = 0.64
+
+
+@dataclass(frozen=True)
+class Cones:
+    """Where the mesh is for each voxel. axis : (v, 3) unit.  angle : (v,) radians, pi where the
+    rays go everywhere.  share : (v,) of the sphere, that of its class."""
+
+    axis: Array
+    angle: Array
+    share: Array
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Occlusion of some voxels. terms : (v, K) coefficients.  halves : (v, K), by how much the two
+    halves of the rays differ, scaled to one standard error."""
+
+    terms: Float
+    halves: Float
+
+
+def cones(points: Array, low: Array, high: Array, radius: float) -> Cones:
+    """Return cones that hold a box, and the sphere of `radius` about its middle, from each point.
+
+    points : (v, 3).  low, high : (3,) corners of the box.
+    """
+    middle = (low + high) / 2
+    offset = middle - points
+    distance = np.maximum(np.linalg.norm(offset, axis=1), 1e-30)
+    axis = offset / distance[:, None]
+    away = distance > radius
+    angle = np.where(away, np.arcsin(np.minimum(radius / distance, 1.0)), np.pi)
+    # The eight corners about their mean direction
+    signs = np.stack(np.meshgrid(*[(0, 1)] * 3, indexing="ij"), -1).reshape(-1, 3)
+    corners = (low + signs * (high - low))[None] - points[:, None]
+    corners /= np.maximum(np.linalg.norm(corners, axis=2, keepdims=True), 1e-30)
+    mean = corners.mean(axis=1)
+    length = np.linalg.norm(mean, axis=1)
+    mean /= np.maximum(length, 1e-30)[:, None]
+    beyond = np.maximum(low - points, points - high)
+    outside = beyond.max(axis=1) > 0
+    cosine = np.einsum("vci,vi->vc", corners, mean).min(axis=1)
+    wide = np.where(outside & (cosine > 0.01), np.arccos(np.clip(cosine, -1, 1)), np.pi)
+    axis, angle = np.where((wide < angle)[:, None], mean, axis), np.minimum(wide, angle)
+    # The half-space behind the face that the point lies farthest before
+    face = np.argmax(beyond, axis=1)
+    normal = np.zeros_like(points)
+    rows = np.arange(len(points))
+    normal[rows, face] = np.where(points[rows, face] < low[face], 1.0, -1.0)
+    half = outside & (angle > np.pi / 2)
+    axis, angle = np.where(half[:, None], normal, axis), np.where(half, np.pi / 2, angle)
+    share = np.sin(np.minimum(angle + MARGIN, np.pi) / 2) ** 2
+    number = np.floor(np.log(np.maximum(share, SMALLEST)) / -np.log(STEP))
+    return Cones(axis, angle, STEP ** -np.maximum(number, 0.0))
+
+
+def rays_of(share: float, rays: int) -> int:
+    """Return how many rays, an even number, a cone of this share of the sphere gets.
+
+    >>> rays_of(1.0, 1024), rays_of(0.25, 1024), rays_of(2.0**-12, 1024)
+    (1024, 338, 32)
+    """
+    half: int = max(round(rays * share**POWER / 2), min(FEWEST, rays) // 2, 1)
+    return 2 * half
+
+
+def total_of(where: Cones, rays: int) -> int:
+    """Return how many rays all these cones get."""
+    shares, voxels = np.unique(where.share, return_counts=True)
+    return sum(int(n) * rays_of(float(s), rays) for s, n in zip(shares, voxels, strict=True))
+
+
+def spiral(share: float, count: int) -> Array:
+    """Spread `count` unit vectors (count, 3) over the cone of this share of the sphere about +z.
+
+    The even ones of the spiral come first, then the odd ones.
+    """
+    order = np.concatenate([np.arange(0, count, 2), np.arange(1, count, 2)])
+    fall = 2 * share * (order + 0.5) / count
+    ring, phi = np.sqrt(fall * (2 - fall)), order * GOLDEN_ANGLE
+    return np.stack([ring * np.cos(phi), ring * np.sin(phi), 1 - fall], axis=-1)
+
+
+def project(
+    scene: RayScene,
+    points: Float,
+    where: Cones,
+    keys: Indices,
+    rays: int,
+    l_max: int,
+    progress: workers.Progress = workers.silent,
+) -> Estimate:
+    """Trace the rays of voxels at points (v, 3) in unit space; `rays` a whole sphere.
+
+    keys : (v,) numbers that tell voxels apart, for their random turns.
+    """
+    around = angles(where, keys, rays)
+    pools = []
+    for share in np.unique(where.share)[::-1]:
+        chosen = np.flatnonzero(where.share == share)
+        count = rays_of(float(share), rays)
+        pattern = spiral(float(share), count)
+        basis = np.asarray(spherical_harmonics.evaluate(pattern, l_max), np.float64)
+        weight = 4 * np.pi * share / count
+        shape = _Pattern(
+            np.ascontiguousarray(pattern, np.float32),
+            np.ascontiguousarray(basis.T * weight, np.float32),
+        )
+        step = max(1, TILE // count)
+        pools += [(shape, chosen[a : a + step]) for a in range(0, len(chosen), step)]
+
+    def trace(tile: tuple[_Pattern, Indices]) -> tuple[Float, Float]:
+        shape, chosen = tile
+        return _halves(scene, points[chosen], shape, around[chosen])
+
+    found = workers.map_tiles(trace, pools, progress)
+    K = (l_max + 1) ** 2
+    both = np.zeros((K, 2, len(points)), np.float32)
+    for (_, chosen), (one, two) in zip(pools, found, strict=True):
+        both[:, 0, chosen], both[:, 1, chosen] = one + two, np.float32(HALVES) * (one - two)
+    terms, halves = np.empty((2, len(points), K), np.float32)
+
+    def turn(part: slice) -> None:
+        own = turned(both[..., part], around[part], l_max)
+        terms[part], halves[part] = own[:, 0].T, own[:, 1].T
+
+    workers.map_tiles(turn, [slice(a, a + CHUNK) for a in range(0, len(points), CHUNK)])
+    return Estimate(terms, halves)
+
+
+@dataclass(frozen=True)
+class _Pattern:
+    """Directions (n, 3) about +z, and their weighted basis (K, n)."""
+
+    directions: Float
+    basis: Float
+
+
+_buffers = threading.local()
+
+
+def _halves(scene: RayScene, origins: Float, shape: _Pattern, around: Array) -> tuple[Float, Float]:
+    """Trace one pattern from origins (v, 3); the projections (K, v) of its two halves."""
+    v, n = len(origins), len(shape.directions)
+    space: Any = getattr(_buffers, "space", None)
+    if space is None or space.shape[1] < n * v:
+        space = _buffers.space = np.empty((2, max(n * v, TILE), 3), np.float32)
+    starts, directions = space[0, : n * v], space[1, : n * v]
+    np.copyto(starts.reshape(n, v, 3), origins[None])
+    frames = np.ascontiguousarray(frames_of(around).transpose(2, 0, 1).reshape(3, -1), np.float32)
+    np.matmul(shape.directions, frames, out=directions.reshape(n, 3 * v))
+    blocked = scene.occluded(starts, directions, finite=True)
+    seen = blocked.reshape(n, v).astype(np.float32)
+    middle = n // 2
+    one = shape.basis[:, :middle] @ seen[:middle]
+    two = shape.basis[:, middle:] @ seen[middle:]
+    return one, two
+
+
+def angles(where: Cones, keys: Indices, salt: int) -> Array:
+    """Return (v, 3) Euler angles Z Y Z that turn +z to each cone's axis, with a random spin.
+
+    The axis stands off by as much as the class's cone is wider; where the cone is the whole sphere,
+    it points anywhere.
+    """
+    a, b, c = (uniform01(keys, salt, i) for i in range(3))
+    slack = 2 * np.arcsin(np.sqrt(where.share)) - where.angle - MARGIN
+    tilt = np.maximum(slack, 0) * np.sqrt(a)
+    x, y = orthonormal_basis(where.axis)
+    around = 2 * np.pi * b
+    side = np.cos(around)[:, None] * x + np.sin(around)[:, None] * y
+    axis = np.cos(tilt)[:, None] * where.axis + np.sin(tilt)[:, None] * side
+    inclination = np.arctan2(np.hypot(axis[:, 0], axis[:, 1]), axis[:, 2])
+    azimuth = np.arctan2(axis[:, 1], axis[:, 0])
+    whole = where.share >= 1
+    inclination = np.where(whole, np.arccos(np.clip(1 - 2 * a, -1, 1)), inclination)
+    return np.stack([np.where(whole, around, azimuth), inclination, 2 * np.pi * c], axis=1)
+
+
+def frames_of(around: Array) -> Array:
+    """Return the rotations (v, 3, 3) Rz(a) Ry(b) Rz(c) of Euler angles (v, 3)."""
+    (ca, cb, cc), (sa, sb, sc) = np.cos(around).T, np.sin(around).T
+    rows = [
+        [ca * cb * cc - sa * sc, -ca * cb * sc - sa * cc, ca * sb],
+        [sa * cb * cc + ca * sc, -sa * cb * sc + ca * cc, sa * sb],
+        [-sb * cc, sb * sc, cb],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def turned(terms: Float, around: Array, l_max: int) -> Float:
+    """Turn functions (K, ..., v) by the rotations of Euler angles (v, 3), each by its own."""
+    # +z to +y, so that a turn about y is one about z
+    quarter = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    J = np.zeros((len(terms), len(terms)), np.float32)
+    for band, block in enumerate(spherical_rotation.rotation_matrices(quarter, l_max)):
+        own = slice(band**2, (band + 1) ** 2)
+        J[own, own] = block
+    a, b, c = around.T
+    upright = np.tensordot(J.T, _about_z(terms, c, l_max), 1)
+    return _about_z(np.tensordot(J, _about_z(upright, b, l_max), 1), a, l_max)
+
+
+def _about_z(terms: Float, angle: Array, l_max: int) -> Float:
+    """Turn functions (K, ..., v) about +z, each by its own angle (v,)."""
+    out = terms.copy()
+    for m in range(1, l_max + 1):
+        cosine, sine = np.cos(m * angle).astype(np.float32), np.sin(m * angle).astype(np.float32)
+        for band in range(m, l_max + 1):
+            plus, minus = band * (band + 1) + m, band * (band + 1) - m
+            out[plus] = cosine * terms[plus] - sine * terms[minus]
+            out[minus] = sine * terms[plus] + cosine * terms[minus]
+    return out
