@@ -66,7 +66,7 @@ def occlusion_falloff(p: ArrayLike, extent: ArrayLike) -> Array:
     1 inside.
 
     >>> occlusion_falloff([[1.0, 0.0, 0.0], [2.0, 0.0, 0.0]], [2.0, 2.0, 2.0]).round(4).tolist()
-    [1.0, 0.3485]
+    [1.0, 0.3373]
     """
     p, extent = np.asarray(p, np.float64), np.asarray(extent, np.float64)
     radius = 0.5 * np.linalg.norm(extent)
