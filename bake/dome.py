@@ -247,7 +247,9 @@ def packed(
     border = 0
     levels: tuple[Float, ...] = (stacked,)
     if coverage or params.max_lod > 0:
-        border, levels = bordered_levels(stacked, params)
+        border, levels = mips.bordered_levels(
+            stacked, mips.Params(filter=params.filter, max_lod=params.max_lod)
+        )
     codes, scales, clipped = kind.encode(levels, per_view, coverage)
     return Dome(
         levels=codes,
@@ -268,12 +270,3 @@ def packed(
             "clipped_values": clipped,
         },
     )
-
-
-def bordered_levels(planes: Float, params: Params) -> tuple[int, tuple[Float, ...]]:
-    """Return the border in texels and the mip levels of planes (layers, h, w, 4) within it."""
-    border = mips.border_of(mips.Params(filter=params.filter, max_lod=params.max_lod))
-    rows, columns = (n + 2 * border for n in planes.shape[1:3])
-    count = mips.level_count(min(rows, columns))
-    height, width = (-(-n // (1 << (count - 1))) << (count - 1) for n in (rows, columns))
-    return border, mips.mip_chain(mips.placed(planes, border, width, height), count, params.filter)

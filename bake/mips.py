@@ -81,15 +81,12 @@ def pack(
     """Filter, pack and quantise a sprite. InputError for knobs or values out of range."""
     params.check()
     master = master.checked("mips")
-    border = border_of(params)
-    padded = [n + 2 * border for n in master.alpha.shape[:0:-1]]
-    count = level_count(min(padded))
-    width, height = (-(-n // (1 << (count - 1))) << (count - 1) for n in padded)
     planes = np.stack([
-        placed(sprite_packing.pack(t, a, params.packing), border, width, height)
+        sprite_packing.pack(t, a, params.packing)
         for t, a in zip(master.terms, master.alpha, strict=True)
     ])  # fmt: skip
-    levels = mip_chain(planes.reshape(-1, height, width, 4), count, params.filter, progress)
+    border, levels = bordered_levels(planes.reshape(-1, *planes.shape[2:]), params, progress)
+    count = len(levels)
     scales, coded, clipped = _coded(levels, planes.shape[1], params)
     board = Billboard(
         levels=coded,
@@ -108,6 +105,18 @@ def pack(
     quality["size"] = list(master.alpha.shape[:0:-1])
     quality |= losses(master, board, border)
     return replace(board, quality=quality)
+
+
+def bordered_levels(
+    planes: Float, params: Params, progress: workers.Progress = workers.silent
+) -> tuple[int, tuple[Float, ...]]:
+    """Return the border in texels and the mip levels of planes (layers, h, w, 4) within it."""
+    border = border_of(params)
+    rows, columns = (n + 2 * border for n in planes.shape[1:3])
+    count = level_count(min(rows, columns))
+    height, width = (-(-n // (1 << (count - 1))) << (count - 1) for n in (rows, columns))
+    framed = placed(planes, border, width, height)
+    return border, mip_chain(framed, count, params.filter, progress)
 
 
 def border_of(params: Params) -> int:

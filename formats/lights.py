@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from formats.keyed import Keyed
 from formats.schema import Where, item
+from maths.transforms import vector_area
 
 Array = NDArray[np.float64]
 
@@ -117,7 +118,7 @@ class Polygon:
     def axis(self, t: float) -> Array:
         """Unit vector (3,) that its front faces."""
         del t  # corners move together
-        return _unit(newell(self.outline))
+        return _unit(vector_area(self.outline))
 
     def corners(self, t: float) -> Array:
         """Corners (k, 3) at t seconds, counter-clockwise as seen from its front."""
@@ -166,16 +167,10 @@ def level_frame(axis: Array) -> tuple[Array, Array]:
     return right, np.cross(axis, right)
 
 
-def newell(outline: Array) -> Array:
-    """Vector area (3,) times two of a polygon (k, 3), towards where it turns counter-clockwise."""
-    centred = outline - outline.mean(axis=0)
-    return np.asarray(np.cross(centred, np.roll(centred, -1, axis=0)).sum(axis=0))
-
-
 def _check_outline(outline: Array, where: Where) -> None:
     if not 3 <= len(outline) <= CORNERS:
         where.refuse(f"{len(outline)} corners", f"write 3 to {CORNERS}")
-    area = newell(outline)
+    area = vector_area(outline)
     size = float(np.ptp(outline, axis=0).max())
     if np.linalg.norm(area) < 1e-9 * size * size:
         where.refuse(outline.tolist(), "write corners that do not lie on one line")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maths.circular_basis import harmonic_of
-from maths.sampling import cap_quadrature
+from maths.sampling import sphere_quadrature
 from maths.transforms import latlong_direction, latlong_solid_angles, normalise
 
 Array = NDArray[np.float64]
@@ -150,27 +150,10 @@ def project_sphere(
     >>> bool(np.isclose(L[0, 0] * np.sqrt(2 * np.pi), 2 * np.pi * (1 - np.cos(np.pi / 6))))
     True
     """
-    centre, R = np.asarray(position, np.float64), np.asarray(radius, np.float64)
-    if not np.all((R > 0) & np.isfinite(R)) or not np.all(np.isfinite(centre)):
-        raise ValueError("A sphere light has a finite position and a radius above 0.")
-    distance = np.linalg.norm(centre, axis=-1)
-    inside = distance <= R
-    # Give a sphere that is all around some axis
-    towards = np.where(inside[..., None], [0.0, 0.0, 1.0], centre)
-    sine = np.where(inside, 0.0, R / np.maximum(distance, R))
     if one_sided and axis != "view":
         raise ValueError("Only a ring around the view can be one-sided.")
-    # A cap under a thousandth is as good as that one: its own size only scales it
-    cosine = np.where(inside, -1.0, np.sqrt(1.0 - sine**2))
-    angle = np.maximum(np.where(inside, np.pi, np.arcsin(sine)), 1e-3)
-    # 1 - cos without cancellation
-    height = np.where(inside, 2.0, sine**2 / (1.0 + np.abs(cosine)))
-    directions, area = cap_quadrature(normalise(towards), angle, nodes, above=one_sided)
+    directions, share = sphere_quadrature(position, radius, nodes, above=one_sided)
     weights = evaluate_direction(directions, terms, axis=axis, elevation=elevation)
-    share = area * (0.5 * height / np.sin(0.5 * angle) ** 2)[..., None]
-    if one_sided:
-        # Nothing at all from behind, whatever the least cap reaches over
-        share = share * (inside | (centre[..., 2] > -R))[..., None]
     mean = np.einsum("...nk,...n->...k", weights, share)
     return np.asarray(mean[..., :, None] * np.asarray(radiance, np.float64)[..., None, :])
 

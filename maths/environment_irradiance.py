@@ -14,11 +14,12 @@ Ramamoorthi, Hanrahan 2001, An Efficient Representation for Irradiance Environme
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from maths.transforms import latlong_direction
+from maths.spherical_harmonics import evaluate
+from maths.spherical_projection import cosine_factors, project_latlong
 
 Array = NDArray[np.float64]
 
-COSINE = np.array([np.pi] + [2 * np.pi / 3] * 3 + [np.pi / 4] * 5)
+COSINE = np.repeat(cosine_factors(2), [1, 3, 5])
 """Clamped cosine, a factor for each harmonic: pi, 2 pi / 3, pi / 4."""
 BOUND = 3 / 32
 """Largest |clamped cosine - its part up to l = 2|, at a right angle: |0 - (1/4 - 5/32)|."""
@@ -55,17 +56,9 @@ def environment_irradiance(radiance: ArrayLike, normals: ArrayLike, *, cuts: int
 def irradiance_harmonics(radiance: ArrayLike) -> Array:
     """The nine harmonics of a map's irradiance, `A_l L_lm`, index l (l + 1) + m.
 
-    radiance : (h, w, c) lat-long. Bands 0 and 1 are exact for even texels, band 2 takes each texel
-    at its middle, with its exact solid angle. Returns (9, c), for `harmonic_irradiance`.
+    radiance : (h, w, c) lat-long, exact for even texels. Returns (9, c), for `harmonic_irradiance`.
     """
-    L = np.asarray(radiance, np.float64)
-    h, w, _ = L.shape
-    v, u = np.meshgrid((np.arange(h) + 0.5) / h, (np.arange(w) + 0.5) / w, indexing="ij")
-    edges = np.cos(np.pi * np.arange(h + 1) / h)
-    solid = np.broadcast_to(((edges[:-1] - edges[1:]) * (2 * np.pi / w))[:, None], (h, w))
-    weights = basis(latlong_direction(np.stack([u, v], axis=-1))) * solid[..., None]
-    weights[..., 1:4] = 0.5 * np.sqrt(3 / np.pi) * _moments(h, w)[..., [1, 2, 0]]
-    return np.asarray(COSINE[:, None] * np.einsum("hwk,hwc->kc", weights, L))
+    return np.asarray(COSINE[:, None] * project_latlong(radiance, 2))
 
 
 def harmonic_irradiance(normals: ArrayLike, harmonics: ArrayLike) -> Array:
@@ -75,21 +68,7 @@ def harmonic_irradiance(normals: ArrayLike, harmonics: ArrayLike) -> Array:
     >>> bool(abs(E[0] / np.pi - 1) < 0.01)
     True
     """
-    return np.asarray(np.maximum(0.0, basis(normals) @ np.asarray(harmonics, np.float64)))
-
-
-def basis(directions: ArrayLike) -> Array:
-    """Real spherical harmonics up to l = 2 (..., 9) of unit directions (..., 3), orthonormal."""
-    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
-    one, two = 0.5 * np.sqrt(3 / np.pi), 0.5 * np.sqrt(15 / np.pi)
-    rows = [
-        np.full_like(x, 0.5 / np.sqrt(np.pi)),
-        *(one * y, one * z, one * x),
-        *(two * x * y, two * y * z),
-        0.25 * np.sqrt(5 / np.pi) * (3 * z * z - 1),
-        *(two * x * z, 0.5 * two * (x * x - y * y)),
-    ]
-    return np.stack(rows, axis=-1)
+    return np.asarray(np.maximum(0.0, evaluate(normals, 2) @ np.asarray(harmonics, np.float64)))
 
 
 def _moments(h: int, w: int) -> Array:

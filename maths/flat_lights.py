@@ -108,18 +108,6 @@ def as_suns(
     return towards, solid[..., None] * np.asarray(radiance, np.float64)
 
 
-def facing(corners: ArrayLike) -> Array:
-    """Unit vector (3,) towards where a polygon (k, 3) turns counter-clockwise (Newell's sum).
-
-    >>> facing([[0, 0, 0], [1, 0, 0], [1, 1, 0]]).tolist()
-    [0.0, 0.0, 1.0]
-    """
-    outline = np.asarray(corners, np.float64)
-    outline = outline - outline.mean(axis=0)
-    area = np.cross(outline, np.roll(outline, -1, axis=0)).sum(axis=0)
-    return np.asarray(area / np.linalg.norm(area))
-
-
 def _cuts(parts: int) -> Array:
     """Barycentric corners (parts^2, 3, 3) of a triangle cut into equal ones."""
     found = []

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from maths.circular_lights import GRAZING
 from maths.hemispherical_harmonics import evaluate
-from maths.sampling import cap_quadrature
+from maths.sampling import sphere_quadrature
 from maths.transforms import latlong_direction, latlong_solid_angles, normalise
 
 Array = NDArray[np.float64]
@@ -134,18 +134,5 @@ def mirror_signs(bands: int) -> Array:
 
 def _caps(centre: Array, R: Array, bands: int, nodes: tuple[int, int]) -> Array:
     """Integrals (n, bands^2) of `fade H` over the caps that spheres (n, 3), (n,) cover."""
-    distance = np.linalg.norm(centre, axis=-1)
-    inside = distance <= R
-    # Give a sphere that is all around some axis
-    towards = np.where(inside[:, None], [0.0, 0.0, 1.0], centre)
-    sine = np.where(inside, 0.0, R / np.maximum(distance, R))
-    cosine = np.where(inside, -1.0, np.sqrt(1.0 - sine**2))
-    # A cap under a thousandth is as good as that one: its own size only scales it
-    angle = np.maximum(np.where(inside, np.pi, np.arcsin(sine)), 1e-3)
-    # 1 - cos without cancellation
-    height = np.where(inside, 2.0, sine**2 / (1.0 + np.abs(cosine)))
-    directions, area = cap_quadrature(normalise(towards), angle, nodes, above=True)
-    share = area * (0.5 * height / np.sin(0.5 * angle) ** 2)[:, None]
-    # Nothing at all from behind, whatever the least cap reaches over
-    share = share * (inside | (centre[:, 2] > -R))[:, None]
+    directions, share = sphere_quadrature(centre, R, nodes, above=True)
     return np.asarray(np.einsum("nqk,nq->nk", evaluate_direction(directions, bands), share))

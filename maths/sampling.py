@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from maths.hashing import uniform01
+from maths.transforms import normalise
 
 Array = NDArray[np.float64]
 
@@ -170,6 +171,37 @@ def orthonormal_basis(normal: ArrayLike) -> tuple[Array, Array]:
     q = x * y * p
     a = np.stack([1.0 + sign * x * x * p, sign * q, -sign * x], axis=-1)
     return a, np.stack([q, sign + y * y * p, -y], axis=-1)
+
+
+def sphere_quadrature(
+    position: ArrayLike, radius: ArrayLike, nodes: tuple[int, int], *, above: bool = False
+) -> tuple[Array, Array]:
+    """Directions over the cap that a sphere covers and the solid angle of each.
+
+    position : (..., 3) centre, seen from the origin.  radius : (...) > 0.  nodes, above : as
+    `cap_quadrature`; with `above`, a sphere wholly below z = 0 gives nothing. Closer than its
+    radius it is all around. Returns (..., n, 3) unit and (..., n) steradians. Raises ValueError for
+    spheres that are none.
+    """
+    centre, R = np.asarray(position, np.float64), np.asarray(radius, np.float64)
+    if not np.all((R > 0) & np.isfinite(R)) or not np.all(np.isfinite(centre)):
+        raise ValueError("A sphere light has a finite position and a radius above 0.")
+    distance = np.linalg.norm(centre, axis=-1)
+    inside = distance <= R
+    # Give a sphere that is all around some axis
+    towards = np.where(inside[..., None], [0.0, 0.0, 1.0], centre)
+    sine = np.where(inside, 0.0, R / np.maximum(distance, R))
+    cosine = np.where(inside, -1.0, np.sqrt(1.0 - sine**2))
+    # A cap under a thousandth is as good as that one: its own size only scales it
+    angle = np.maximum(np.where(inside, np.pi, np.arcsin(sine)), 1e-3)
+    # 1 - cos without cancellation
+    height = np.where(inside, 2.0, sine**2 / (1.0 + np.abs(cosine)))
+    directions, area = cap_quadrature(normalise(towards), angle, nodes, above=above)
+    share = area * (0.5 * height / np.sin(0.5 * angle) ** 2)[..., None]
+    if above:
+        # Nothing at all from behind, whatever the least cap reaches over
+        share = share * (inside | (centre[..., 2] > -R))[..., None]
+    return directions, share
 
 
 def cap_quadrature(

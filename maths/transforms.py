@@ -107,6 +107,17 @@ def orthographic(width: float, height: float, near: float, far: float) -> NDArra
     return clip_from_view
 
 
+def vector_area(corners: ArrayLike) -> NDArray[np.float64]:
+    """Area (3,) of a flat polygon (k, 3), towards where it turns counter-clockwise (Newell's sum).
+
+    >>> vector_area([[0, 0, 0], [1, 0, 0], [1, 1, 0]]).tolist()
+    [0.0, 0.0, 0.5]
+    """
+    outline = np.asarray(corners, np.float64)
+    outline = outline - outline.mean(axis=0)
+    return np.asarray(0.5 * np.cross(outline, np.roll(outline, -1, axis=0)).sum(axis=0))
+
+
 def rotation(axis: str, angle: float) -> NDArray[np.float64]:
     """Rotation by `angle` radians about "x", "y" or "z", right-handed: `target_from_source` (3, 3).
 

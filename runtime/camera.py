@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from maths import transforms
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """A pinhole at `position` that looks at `target`; metres.
+    """A pinhole at `position` that looks at `target`; metres. The player takes a new one a frame.
 
     focal_length, sensor_height : metres. f_number, focus_distance : of the lens, None without one.
     """
@@ -40,7 +41,7 @@ class Camera:
             focus_distance=lens.focus_distance.at(time) if lens else None,
         )
 
-    @property
+    @cached_property
     def view_from_world(self) -> NDArray[np.float64]:
         """(4, 4)."""
         return transforms.look_at(self.position, self.target)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from maths import flat_lights
+from maths import flat_lights, transforms
 
 Array = NDArray[np.float64]
 RINGS = (3, 8)  # rings of a disc and points on each
@@ -26,7 +26,7 @@ def suns(lights: Any, centres: Array) -> Iterator[tuple[Array, Array]]:
         )
     for polygon in lights.polygons:
         points, areas = flat_lights.polygon_points(polygon.corners, 1)
-        axis = flat_lights.facing(polygon.corners)
+        axis = transforms.normalise(transforms.vector_area(polygon.corners))
         yield flat_lights.as_suns(
             centres, points, areas, axis, polygon.radiance, two_sided=polygon.two_sided
         )

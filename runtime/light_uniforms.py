@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from maths import area_lights
+from maths.transforms import normalise, vector_area
 
 Array = NDArray[np.float64]
 
@@ -67,6 +68,5 @@ def outline(corners: Array, most: int) -> tuple[Array, Array, float]:
     a corner from the first.
     """
     apart = corners - corners[0]
-    area = np.cross(apart, np.roll(apart, -1, axis=0)).sum(axis=0)
     padded = np.concatenate([corners, np.repeat(corners[:1], most - len(corners), axis=0)])
-    return padded, area / np.linalg.norm(area), float(np.linalg.norm(apart, axis=1).max())
+    return padded, normalise(vector_area(corners)), float(np.linalg.norm(apart, axis=1).max())

@@ -186,7 +186,9 @@ class Player:
 
     def look(self, time: float) -> None:
         """Set camera (`view`) and `lights` to those of `time` seconds."""
-        self.view = self.camera or Camera.of_scene(self.scene, time)
+        # A copy keeps nothing of arrays that were written to in place since
+        own = self.camera
+        self.view = replace(own) if own else Camera.of_scene(self.scene, time)
         self.lights = lighting.at(self.scene, time, self.sun_turn)
 
     @property

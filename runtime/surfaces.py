@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from formats import mesh as meshes
 from formats.errors import DamagedError, InputError
 from formats.files import glb
 from formats.meshes import KINDS, PlacedMesh
+from runtime import reuse
 from runtime.camera import column_major
 from runtime.shader import set_uniforms
 
@@ -207,6 +209,23 @@ def wanted_geometry(player: Any) -> tuple[str, ...]:
     """Names of GEOMETRY that some pass of the player reads."""
     read = {name for drawn in player.passes.values() for name in drawn.reads}
     return tuple(name for name in GEOMETRY if name in read)
+
+
+def key(player: Any, surfaces: tuple[Surface, ...], time: float) -> Hashable:
+    """All that the drawing of meshes at `time` seconds depends on."""
+    places = [surface.placed.world_from_mesh(time) for surface in surfaces]
+    return reuse.camera(player.view), reuse.frozen((player.lights, places))
+
+
+def draw_part(player: Any, part: Part, array: Any, place: dict[str, Any]) -> None:
+    """Draw a part with what its material says and the uniforms of its place."""
+    if part.texture is not None:
+        part.texture.use(0)
+    # Shadows take nothing of what is emitted: their pass adds it
+    glow = (0.0, 0.0, 0.0) if "occlusion" in player.passes else part.emissive
+    look = {"base_color": part.base_color, "emissive": glow, "albedo_texture": 0}
+    set_uniforms(array.program, {**place, **look})
+    player.targets.draw(array, mode=moderngl.TRIANGLES)
 
 
 def place_uniforms(player: Any, surface: Surface, time: float) -> dict[str, Any]:

@@ -39,7 +39,8 @@ class Pass:
     def irradiance_harmonics(self, lights: Any) -> Any:
         """Harmonics (9, 3) of the irradiance of all maps, for any normal."""
         from maths import environment_irradiance
-        from runtime import irradiance_harmonics
+        from maths.spherical_rotation import rotate
+        from maths.transforms import rotation
 
         found = np.zeros((9, 3))
         for state in lights.environments:
@@ -47,7 +48,7 @@ class Pass:
                 continue
             if state.index not in self._harmonics:
                 even = environment_irradiance.irradiance_harmonics(self.maps[state.index])
-                self._harmonics[state.index] = irradiance_harmonics.turned(even, state.rotate)
+                self._harmonics[state.index] = rotate(even, rotation("y", state.rotate))
             found += self._harmonics[state.index] * state.factor
         return found
 

@@ -96,8 +96,8 @@ void main() {
         }
     }
 #if CHANNELS == 1
-    hidden[0] = hidden[0].xxx;
-    hidden[1] = hidden[1].xxx;
+    hidden[0] = vec3(hidden[0].x);
+    hidden[1] = vec3(hidden[1].x);
 #endif
     float factor = 1.0;
 #if FALLOFF

@@ -13,7 +13,7 @@ from typing import Any
 
 import moderngl
 
-from runtime import light_uniforms, reuse, surfaces
+from runtime import light_uniforms, surfaces
 from runtime.shader import set_uniforms
 from runtime.surfaces import GEOMETRY, place_uniforms
 
@@ -54,9 +54,7 @@ class Pass:
 
     def key(self, time: float) -> Hashable:
         """All that the drawing of `time` seconds depends on."""
-        player = self._player
-        places = [s.placed.world_from_mesh(time) for s in self._surfaces]
-        return reuse.camera(player.view), reuse.frozen((player.lights, places))
+        return surfaces.key(self._player, self._surfaces, time)
 
     def draw(self, time: float) -> None:
         """Draw the meshes of `time` seconds."""
@@ -80,10 +78,4 @@ class Pass:
         for surface, arrays in zip(self._surfaces, self._arrays, strict=True):
             place = place_uniforms(player, surface, time)
             for part, array in zip(surface.parts, arrays, strict=True):
-                if part.texture is not None:
-                    part.texture.use(0)
-                # Shadows take nothing of what is emitted: their pass adds it
-                glow = (0.0, 0.0, 0.0) if "occlusion" in player.passes else part.emissive
-                look = {"base_color": part.base_color, "emissive": glow}
-                set_uniforms(array.program, {**place, **look, "albedo_texture": 0})
-                player.targets.draw(array, mode=moderngl.TRIANGLES)
+                surfaces.draw_part(player, part, array, place)

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from formats.transfer import Layout, linear
 from maths.spherical_rotation import rotate
-from runtime import reuse, surfaces
+from runtime import surfaces
 from runtime.light_harmonics import LightsAtPoints
-from runtime.shader import set_uniforms
 from runtime.surfaces import GEOMETRY, place_uniforms
 
 HERE = Path(__file__).parent
@@ -58,9 +57,7 @@ class Pass:
 
     def key(self, time: float) -> Hashable:
         """All that the drawing of `time` seconds depends on."""
-        player = self._player
-        places = [s.placed.world_from_mesh(time) for s in self.surfaces]
-        return reuse.camera(player.view), reuse.frozen((player.lights, places))
+        return surfaces.key(self._player, self.surfaces, time)
 
     def constants(self, number: int, time: float) -> NDArray[np.float64]:
         """Constants (4, 4 P, 3) of the light on mesh `number` of this pass, from 0: at the middle
@@ -97,10 +94,4 @@ class Pass:
                 # The other side of a double-sided face is a face of its own
                 culled = moderngl.CULL_FACE if part.double_sided else 0
                 player.ctx.enable_only(moderngl.DEPTH_TEST | culled)
-                if part.texture is not None:
-                    part.texture.use(0)
-                # Shadows take nothing of what is emitted: their pass adds it
-                glow = (0.0, 0.0, 0.0) if "occlusion" in player.passes else part.emissive
-                look = {"base_color": part.base_color, "emissive": glow}
-                set_uniforms(array.program, {**place, **look, "albedo_texture": 0})
-                player.targets.draw(array, mode=moderngl.TRIANGLES)
+                surfaces.draw_part(player, part, array, place)

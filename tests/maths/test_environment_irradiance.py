@@ -3,7 +3,8 @@
 import numpy as np
 
 from maths import environment_irradiance as env
-from maths.transforms import latlong_direction, latlong_solid_angles
+from maths.spherical_rotation import rotate
+from maths.transforms import latlong_direction, latlong_solid_angles, rotation
 
 
 def unit(v):
@@ -82,10 +83,9 @@ def test_a_sky_of_two_bands_is_exact(rng: np.random.Generator) -> None:
         assert np.abs(found[:, 0] - truth).max() < 2e-3
 
 
-def test_the_basis_is_orthonormal() -> None:
-    h, w = 128, 256
-    v, u = np.meshgrid((np.arange(h) + 0.5) / h, (np.arange(w) + 0.5) / w, indexing="ij")
-    Y = env.basis(latlong_direction(np.stack([u, v], -1))).reshape(-1, 9)
-    area = np.repeat(latlong_solid_angles(h, w), w)
-    # Midpoints: (pi / 128)^2 / 24 * l (l + 1)
-    np.testing.assert_allclose(Y.T @ (Y * area[:, None]), np.eye(9), rtol=0, atol=5e-4)
+def test_turning_harmonics_is_turning_the_map(rng: np.random.Generator) -> None:
+    radiance = rng.uniform(0, 1, (16, 32, 3))
+    # Counter-clockwise from above: u grows towards +x, so the picture moves to smaller u
+    moved = np.roll(radiance, -5, axis=1)
+    turned = rotate(env.irradiance_harmonics(radiance), rotation("y", 5 / 32 * 2 * np.pi))
+    np.testing.assert_allclose(turned, env.irradiance_harmonics(moved), atol=1e-12)

@@ -13,22 +13,9 @@ from formats.billboard import Billboard, Ring
 from formats.environment import Environment
 from formats.mesh import Material, Mesh
 from formats.occlusion import Occlusion
+from formats.plan import FRAME
 from formats.transfer import Transfer
 from maths import sprite_packing
-
-FRAME = (
-    "environment",
-    "surface",
-    "transfer",
-    "ground",
-    "sky",
-    "occlusion",
-    "fog",
-    "defocus",
-    "billboard",
-    "depth_of_field",
-    "film",
-)
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,10 @@ from bake.shading import bilinear
 from formats.errors import DamagedError
 from formats.mesh import Material
 from maths import area_lights, environment_irradiance
-from runtime import irradiance_harmonics, lighting
+from maths.spherical_harmonics import evaluate
+from maths.spherical_rotation import rotate
+from maths.transforms import rotation
+from runtime import lighting
 from runtime import player as player_module
 from runtime.camera import Camera
 from runtime.player import Player
@@ -80,7 +83,7 @@ def irradiance(lights, point, normal, harmonics=None):
     """Sum of all lights (..., 3): the twin of light_at in surface.frag."""
     total = np.zeros(point.shape)
     if harmonics is not None:
-        total += np.maximum(environment_irradiance.basis(normal) @ harmonics, 0)
+        total += np.maximum(evaluate(normal, 2) @ harmonics, 0)
     for sun in lights.suns:
         total += area_lights.sun_irradiance(normal, sun.to_light, sun.irradiance, sun.radius)
     for ball in lights.spheres:
@@ -200,9 +203,8 @@ def test_all_at_once_on_meshes_that_move_shade_as_numpy_does(kit, played, rng):
     raw = stood(kit, where, lights)
     for t in (0.0, 1.3):
         found, scene = played(raw, meshes, environment=radiance, t=t)
-        turned = irradiance_harmonics.turned(
-            environment_irradiance.irradiance_harmonics(radiance), np.radians(50)
-        )
+        even = environment_irradiance.irradiance_harmonics(radiance)
+        turned = rotate(even, rotation("y", np.radians(50)))
         meshes["b"] = with_stored_texture(meshes["b"])
         expected, held = shaded(scene, meshes, 0.7 * turned, t)
         # As above, and 1/512 steps of the texture's coordinates between texels
