@@ -35,6 +35,7 @@ Float = NDArray[np.float32]
 THINNEST = 0.25  # of the longest half-extent
 SMALLEST, LARGEST = 1e-30, 1e30  # longest half-extent, metres: the player computes in float32
 MAX_VALUES = 1 << 27  # voxels times coefficients: 512 MB
+THIN = 0.02  # share of the surface that is worth a note
 ROUND = 4  # times as many rays in each round of the adaptive mode
 
 
@@ -80,7 +81,8 @@ def trace(
     box_of(vertices)
     scene = RayScene(vertices, faces)
     found = around(scene, vertices, faces, params=params, progress=progress)
-    told = {"faces_without_area": dropped, "notes": list(mesh.notes)}
+    notes = [*mesh.notes, *_notes(found, params.grid)]
+    told = {"faces_without_area": dropped, "notes": notes}
     return replace(found, quality=found.quality | told)
 
 
@@ -115,10 +117,13 @@ def around(
     hole = inside.reshape(shape)
     volume = occlusion_inside.filled(terms.reshape(*shape, K), hole)
     proof = occlusion_proof.trace(scene, points, outside, params.proof, params.l_max)
+    pitch = 4 * np.asarray(box.half_extent) * scene.scale / params.grid
     quality = {
         "rays": int(rays),
         "inside_share": float(np.mean(inside)),
         "oriented": oriented,
+        "inverted": occlusion_inside.is_inverted(vertices, faces),
+        "thin_share": occlusion_inside.thin_share(scene, pitch, oriented=oriented),
         "sampling_error": _rms(found.halves),
         "truncation_error": _rms(truncation(found.terms)) / K**0.5,
         "coefficients_rms": _rms(found.terms),
@@ -135,6 +140,20 @@ def around(
         proof_radii=occlusion_proof.RADII,
         quality=quality,
     )
+
+
+def _notes(found: OcclusionHarmonics, grid: int) -> list[str]:
+    """Return what a user should know of the mesh."""
+    notes, thin = [], found.quality["thin_share"]
+    if thin > THIN:
+        pitch = 4 * max(found.box.half_extent) / grid
+        notes.append(
+            f"{thin:.0%} of the surface is sheets or walls thinner than a voxel ({pitch:.3g} m): "
+            "beside them shadows of both sides mix; a finer grid narrows that"
+        )
+    if found.quality["inverted"]:
+        notes.append("the mesh is inside out (its signed volume is negative): turn its faces round")
+    return notes
 
 
 def box_of(vertices: Array) -> tuple[Box, Array, Array]:

@@ -4,7 +4,7 @@ A ray from inside a closed surface leaves it once more than it enters. Counted w
 holds for inverted surfaces and for parts that overlap; where faces disagree about what is outside,
 the parity of the crossings is counted. A pair of opposite rays speaks for "inside" if both do, and
 two thirds of the pairs decide: holes and sheets do not make an inside. Where a few pairs disagree,
-many more are asked.
+many more are asked. Thin walls are found by the same question, asked a voxel under the surface.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bake import workers
 from bake.rays import RayScene
-from maths.sampling import fibonacci_sphere, random_rotation
+from maths.sampling import fibonacci_sphere, r2, random_rotation
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -28,25 +28,50 @@ TILE = 4096  # points
 DEEPEST = 64  # crossings followed along a ray
 # In unit space: a ray goes on so far behind a hit, past the second of two hits on one edge
 STRIDE = np.float32(2e-5)
+SAMPLES = 256  # places on the surface
+DEPTHS = (0.5, 1.0)  # voxels
 
 
 def is_oriented(vertices: Array, faces: NDArray[np.int64]) -> bool:
     """Whether nearly all edges that two faces share run once each way, vertices (n, 3) that lie at
     one place being one."""
+    _, _, count = _edges(vertices, faces)
+    # An edge that two faces run the same way
+    twice = np.count_nonzero(count > 1)
+    return bool(twice <= 0.01 * len(count))
+
+
+def is_inverted(vertices: Array, faces: NDArray[np.int64]) -> bool:
+    """Whether the surface is closed and looks inward: each edge runs as often one way as the other,
+    and the signed volume is negative. Vertices (n, 3) that lie at one place are one."""
+    middle = vertices.min(axis=0) / 2 + vertices.max(axis=0) / 2
+    size = float(np.abs(vertices - middle).max()) or 1.0
+    a, b, c = np.moveaxis((vertices[faces] - middle) / size, 1, 0)
+    if np.einsum("ij,ij->", a, np.cross(b, c)) >= 0:
+        return False
+    start, end, count = _edges(vertices, faces)
+    there, back = np.lexsort((end, start)), np.lexsort((start, end))
+    pairs = ((start, end), (end, start), (count, count))
+    return all(np.array_equal(one[there], other[back]) for one, other in pairs)
+
+
+def _edges(
+    vertices: Array, faces: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return the directed edges: from where, to where, of how many faces."""
     keys = np.ascontiguousarray(vertices + 0.0).view(f"V{3 * vertices.itemsize}").ravel()
     _, same = np.unique(keys, return_inverse=True)
     corners = same[faces].astype(np.int64)
     start, end = corners.ravel(), np.roll(corners, -1, axis=1).ravel()
     edges, count = np.unique(start * (len(vertices) + 1) + end, return_counts=True)
-    # An edge that two faces run the same way
-    twice = np.count_nonzero(count > 1)
-    return bool(twice <= 0.01 * len(edges))
+    return edges // (len(vertices) + 1), edges % (len(vertices) + 1), count
 
 
-def inside(scene: RayScene, points: Float, *, oriented: bool) -> Mask:
-    """Tell which points (n, 3) of unit space lie inside. oriented : faces agree on the outside."""
+def inside(scene: RayScene, points: Float, *, oriented: bool, more: int = MORE) -> Mask:
+    """Tell which points (n, 3) of unit space lie inside. oriented : faces agree on the outside.
+    more : pairs of rays where the first seven disagree; 0: two thirds of the seven decide."""
     turn = random_rotation(0x1251DE)
-    few, many = (fibonacci_sphere(2 * n, turn)[:n].astype(np.float32) for n in (PAIRS, MORE))
+    few, many = (fibonacci_sphere(2 * n, turn)[:n].astype(np.float32) for n in (PAIRS, more or 1))
     normals = scene.normals()
 
     def votes(asked: Float, directions: Float) -> NDArray[np.int64]:
@@ -60,9 +85,11 @@ def inside(scene: RayScene, points: Float, *, oriented: bool) -> Mask:
     def decided(tile: slice) -> Mask:
         asked = points[tile]
         found = votes(asked, few)
+        if not more:
+            return np.asarray(found > ENOUGH * PAIRS)
         within = found == PAIRS
         mixed = (found > 0) & ~within
-        within[mixed] = votes(asked[mixed], many) > ENOUGH * MORE
+        within[mixed] = votes(asked[mixed], many) > ENOUGH * more
         return np.asarray(within)
 
     tiles = [slice(a, a + TILE) for a in range(0, len(points), TILE)]
@@ -85,6 +112,31 @@ def _within(
         total[active] += np.where(leaving > 0, 1, -1) if oriented else 1
         origins = origins[met] + (reached + STRIDE)[:, None] * direction
     return np.asarray(total != 0 if oriented else total % 2 == 1)
+
+
+def thin_share(scene: RayScene, pitch: Array, *, oriented: bool) -> float:
+    """Return the share of the surface's area that is a sheet, or a wall thinner than a voxel.
+
+    There the solid reaches less deep than a voxel under neither side: it would be lost between
+    voxels. pitch : (3,) of a voxel, in unit space.  Asked at 256 places, evenly spread by area.
+    """
+    a, b, c = np.moveaxis(scene.corners.astype(np.float64), 1, 0)
+    cross = np.cross(b - a, c - a)
+    area = np.cumsum(np.linalg.norm(cross, axis=1))
+    face = np.searchsorted(area, (np.arange(SAMPLES) + 0.5) / SAMPLES * area[-1])
+    u, v = r2(np.arange(SAMPLES)).T
+    x, y = np.sqrt(u) * (1 - v), np.sqrt(u) * v
+    a, b, c, normal = a[face], b[face], c[face], scene.normals()[face].astype(np.float64)
+    points = a + x[:, None] * (b - a) + y[:, None] * (c - a)
+    deep = normal / np.linalg.norm(normal / pitch, axis=1, keepdims=True)
+    thin = np.arange(SAMPLES)
+    for side in (-1, 1):
+        # What is thick on one side needs no question on the other
+        under = [points[thin] + side * depth * deep[thin] for depth in DEPTHS]
+        asked = np.concatenate(under).astype(np.float32)
+        within = inside(scene, asked, oriented=oriented, more=0)
+        thin = thin[~within.reshape(len(DEPTHS), len(thin)).all(axis=0)]
+    return len(thin) / SAMPLES
 
 
 def filled(volume: NDArray[Any], hole: Mask) -> NDArray[Any]:

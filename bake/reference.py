@@ -2,9 +2,10 @@
 
 Unbiased but for what the scene means by its own words: lights themselves are not seen, the sky is
 seen by the camera only and lights nothing, environments light and are not seen, sprites are the
-meshes they were baked from, Lambert, turned to the camera as the player turns them. Samples of a
-pixel fall into independent batches, each evenly spread over pixel and lens; the spread of the
-batches is the error bar.
+meshes they were baked from, Lambert, turned to the camera as the player turns them, a world of
+cubes is closed below, and lamps in it stand at their exact place. Samples of a pixel fall into
+independent batches, each evenly spread over pixel and lens; the spread of the batches is the error
+bar.
 
 Pixels are traced in tiles over threads; a tile holds PATHS paths at a time, about 20 MB.
 """

@@ -1,8 +1,8 @@
 """Light that a path can also meet by itself: environments and glowing triangles.
 
-Both are sampled by power, and tell their density along any direction, so that their samples can be
-weighed against the surface's own (Veach, Guibas 1995, *Optimally Combining Sampling Techniques for
-Monte Carlo Rendering*: the balance heuristic).
+Both are sampled by power, triangles by distance too, and tell their density along any direction, so
+that their samples can be weighed against the surface's own (Veach, Guibas 1995, *Optimally
+Combining Sampling Techniques for Monte Carlo Rendering*: the balance heuristic).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bake.reference_clusters import Clusters
 from bake.reference_world import World
 from maths import transforms
 from maths.colour import luminance
@@ -77,31 +78,53 @@ class EnvironmentSampler:
 
 
 class EmitterSampler:
-    """All glowing faces of the traced meshes, sampled by power; they glow to both sides."""
+    """All glowing faces of the traced meshes, sampled by power, near ones more; they glow to both
+    sides."""
 
     def __init__(self, world: World) -> None:
         glow = luminance(world.emission)
-        self.faces = np.flatnonzero(glow[world.material] > 0)
+        faces = np.flatnonzero(glow[world.material] > 0)
+        power = glow[world.material[faces]] * _areas(world.triangles(faces))
+        self.faces = faces[power > 0]
+        self.number = np.full(len(world.material), -1, np.int64)
+        self.number[self.faces] = np.arange(len(self.faces))
         corners = world.triangles(self.faces)
         self.corner = corners[:, 0]
         self.sides = np.stack([corners[:, i] - corners[:, 0] for i in (1, 2)], axis=1)
         cross = np.cross(self.sides[:, 0], self.sides[:, 1])
-        doubled = np.linalg.norm(cross, axis=1)
-        self.normal = cross / np.maximum(doubled, 1e-300)[:, None]
+        self.normal = cross / np.linalg.norm(cross, axis=1, keepdims=True)
         self.emission = world.emission[world.material[self.faces]]
-        power = 0.5 * doubled * luminance(self.emission)
-        self.share = np.cumsum(power) / power.sum()
-        self.per_area = luminance(self.emission) / power.sum()
-        self.number = np.full(len(world.material), -1, np.int64)
-        self.number[self.faces] = np.arange(len(self.faces))
+        if len(self.faces):
+            self._cluster(corners, power[power > 0])
+
+    def __len__(self) -> int:
+        return len(self.faces)
+
+    def _cluster(self, corners: Array, power: Array) -> None:
+        middle = corners.mean(axis=1)
+        # Of a triangle: the mean over its corners, by a quarter
+        spread = np.sum((corners - middle[:, None]) ** 2, axis=(1, 2)) / 12
+        self.clusters = Clusters.around(middle, spread, power)
+        self.order = np.argsort(self.clusters.of, kind="stable")
+        self.share = np.cumsum(power[self.order])
+        count = np.bincount(self.clusters.of)
+        self.stop = np.cumsum(count) - 1
+        self.start = self.stop + 1 - count
+        self.last = self.share[self.stop]
+        self.first = np.concatenate([[0.0], self.last[:-1]])
+        self.per_area = luminance(self.emission) / self.clusters.power[self.clusters.of]
 
     def sample(self, points: Array, u: Array) -> Sample:
-        """Sample a face by its power and a point evenly on it."""
-        which, _ = choose(self.share, u[:, 0])
+        """Sample a cluster by what may come from it, a face by its power, a point evenly on it."""
+        cluster, chance, rest = self.clusters.choose(points, u[:, 0])
+        place = self.first[cluster] + rest * (self.last - self.first)[cluster]
+        found = np.searchsorted(self.share, place, side="right")
+        # Rounding at its end may not lead out of a cluster
+        which = self.order[np.clip(found, self.start[cluster], self.stop[cluster])]
         offset = self.corner[which] + on_triangle(self.sides[which], u[:, 1:]) - points
         distance = np.sqrt(np.maximum(np.einsum("ij,ij->i", offset, offset), 1e-60))
         direction = offset / distance[:, None]
-        density = self._density(which, direction, distance)
+        density = chance * self._density(which, direction, distance)
         return Sample(
             direction,
             self.emission[which] / density[:, None],
@@ -110,14 +133,25 @@ class EmitterSampler:
             self.faces[which],
         )
 
-    def density(self, face: NDArray[np.int32], directions: Array, distance: Array) -> Array:
-        """Density (n,) per steradian of `sample` along unit directions (n, 3) that meet glowing
-        faces (n,) at a distance (n,) in metres."""
-        return self._density(self.number[face], directions, distance)
+    def density(
+        self, points: Array, face: NDArray[np.int32], directions: Array, distance: Array
+    ) -> Array:
+        """Density (n,) per steradian of `sample` on points (n, 3) along unit directions (n, 3) that
+        meet glowing faces (n,) at a distance (n,) in metres."""
+        which = self.number[face]
+        chance = self.clusters.chance(points, self.clusters.of[which])
+        return np.asarray(chance * self._density(which, directions, distance))
 
     def _density(self, which: NDArray[np.int64], directions: Array, distance: Array) -> Array:
+        """Density (n,) per steradian within the faces' clusters."""
         cosine = np.abs(np.einsum("ij,ij->i", directions, self.normal[which]))
         return np.asarray(self.per_area[which] * distance**2 / np.maximum(cosine, 1e-12))
+
+
+def _areas(corners: Array) -> Array:
+    """Areas (n,) of triangles (n, 3, 3)."""
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(0.5 * np.linalg.norm(cross, axis=1))
 
 
 def choose(share: Array, u: Array) -> tuple[NDArray[np.int64], Array]:

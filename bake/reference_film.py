@@ -1,6 +1,7 @@
-"""The player's last step in numpy: exposure, vignette, tone curve, sRGB, dither.
+"""The player's last step in numpy: exposure, vignette, tone curve, sRGB, grain, dither.
 
-A twin of `runtime/passes/film.frag`, of which every function but the vignette is in `maths.colour`.
+A twin of `runtime/passes/film.frag`, of which all but the vignette is in `maths.colour` and
+`maths.grain`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from formats.scene import Scene
-from maths import colour
+from maths import colour, grain
 
 
 def develop(radiance: ArrayLike, scene: Scene, time: float) -> NDArray[np.uint8]:
@@ -27,4 +28,8 @@ def develop(radiance: ArrayLike, scene: Scene, time: float) -> NDArray[np.uint8]
     exposed = linear * 2.0 ** float(film.exposure.at(time)) * shade[..., None]
     shown = colour.srgb_encode(colour.TONEMAPS[film.tonemap](exposed))
     frame = round(time * scene.time.frame_rate) & 0x7FFFFFFF
-    return colour.quantise(shown, colour.dither(column, row, frame))
+    noise = colour.dither(column, row, frame)
+    if film.grain > 0.0:
+        codes = film.grain * grain.strength(shown)
+        noise = noise + codes * grain.grain(column, row, frame)[..., None]
+    return colour.quantise(shown, noise)

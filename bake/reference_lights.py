@@ -135,7 +135,7 @@ def at(scene: Scene, time: float, world: World, *, shadows: bool = True) -> Ligh
         if strength.any():
             plain.append(_sampler(light, time, strength, scene.ground is not None))
     emitters = EmitterSampler(world) if shadows and world.glowing else None
-    return Lights(tuple(plain), tuple(maps), emitters)
+    return Lights(tuple(plain), tuple(maps), emitters if emitters else None)
 
 
 def _sampler(

@@ -102,7 +102,7 @@ class Tracer:
             origin, direction, density = origin[lit], direction[lit], density[lit]
             ends = self._next(origin, direction)
             rays += len(lit) if self.shadows else 0
-            radiance[alive] += throughput * self._met(ends, direction, density)
+            radiance[alive] += throughput * self._met(origin, ends, direction, density)
             on = np.flatnonzero(np.isfinite(ends.distance))
             alive, key, throughput = alive[on], key[on], throughput[on]
             ends, direction = _pick(ends, on), direction[on]
@@ -140,7 +140,7 @@ class Tracer:
             total[lit] += sent[lit]
         return total, rays
 
-    def _met(self, ends: Ends, direction: Array, density: Array) -> Array:
+    def _met(self, origin: Array, ends: Ends, direction: Array, density: Array) -> Array:
         """Return radiance (n, 3) of the lights that paths met by themselves, weighed against the
         samples of those lights. density : (n,) of the directions, 1/sr."""
         found = np.zeros((len(direction), 3))
@@ -152,7 +152,9 @@ class Tracer:
         if emitters is not None:
             glow = self.world.glow(ends.face)
             lit = np.flatnonzero(glow.any(axis=1))
-            other = emitters.density(ends.face[lit], direction[lit], ends.distance[lit])
+            other = emitters.density(
+                origin[lit], ends.face[lit], direction[lit], ends.distance[lit]
+            )
             found[lit] += glow[lit] * (density[lit] / (density[lit] + other))[:, None]
         return found
 

@@ -1,5 +1,5 @@
 """A scene at one moment as one Embree scene: meshes, sprites as the meshes they were baked from,
-and a ground that is a plane without triangles.
+cubes as squares, and a ground that is a plane without triangles.
 
 Memory: 1.8 GB measured for 3.7 million triangles, Embree's own included; MAX_TRIANGLES take 2.4 GB.
 """
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import billboard, sources
+from bake import billboard, reference_cubes, sources
 from formats.errors import InputError
 from formats.mesh import Mesh
 from formats.scene import Billboards, Scene
@@ -49,7 +49,7 @@ def parts_of(scene: Scene, time: float, yaw: float, eye: Array) -> tuple[list[Pa
     """Return what stands in a scene at `time`, and notes on what cannot be traced.
 
     yaw : of the camera, radians, which sprites share. eye : (3,) the camera's place, which chooses
-    their view. Raises InputError for a mesh that cannot be read and for too many triangles.
+    their view. Raises InputError for a source that cannot be read and for too many triangles.
     """
     read: dict[Path, Mesh] = {}
     parts, notes = [], []
@@ -61,9 +61,11 @@ def parts_of(scene: Scene, time: float, yaw: float, eye: Array) -> tuple[list[Pa
             notes.append(f"{group.name}: left out, photographs have no mesh to trace")
         elif len(group.instances()):
             parts.append(_sprites(group, _read(group.source, read), yaw, eye))
+    for cubes in reference_cubes.meshes(scene, time, most=MAX_TRIANGLES):
+        parts.append(Part(cubes, np.eye(4)[None], np.ones((1, 3))))
     total = sum(len(part.mesh.faces) * len(part.tint) for part in parts)
     if total > MAX_TRIANGLES:
-        remedy = f"the reference traces at most {MAX_TRIANGLES:,}; leave out some sprites"
+        remedy = f"the reference traces at most {MAX_TRIANGLES:,}; leave out some sprites or cells"
         raise InputError(scene.file, "triangles", f"{total:,}", remedy)
     return parts, notes
 

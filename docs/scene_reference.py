@@ -78,6 +78,7 @@ def kind(spec: schema.Spec) -> str:
         "table": "table",
         "tables": "list of tables",
         "switches": "table of true and false",
+        "radiances": "table of three numbers each",
     }.get(spec.kind, spec.kind)
 
 

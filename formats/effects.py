@@ -9,7 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from formats import film_bounds, fog_bounds, lens_bounds, light_bounds, occlusion_bounds
+from formats import (
+    film_bounds,
+    fog_bounds,
+    lens_bounds,
+    light_bounds,
+    occlusion_bounds,
+    post,
+    voxel_effects,
+)
 from formats.errors import InputError
 from formats.lens_blur import largest_texels
 from formats.lens_bounds import Blur
@@ -171,13 +179,15 @@ def occlusion(scene: Scene, reports: Reports, lines: int) -> Decision:
     casters = [mesh for mesh in scene.meshes if mesh.shadow is not None]
     if not casters:
         return Decision(False, "no mesh has a shadow", 0.0, CODES)
-    if not any(each.kept for each in lights(scene, reports)):
+    if not voxel_effects.drawn(scene) and not any(each.kept for each in lights(scene, reports)):
         return Decision(False, "no light is kept that a mesh could hide", 0.0, CODES)
     passes = {"surface" if mesh.lighting == "direct" else mesh.lighting for mesh in casters}
     if all(scene.force.get(name) is False for name in passes):
         return Decision(False, "the meshes are forced off, and so are their shadows")
-    codes, share, name = occlusion_bounds.codes(scene, reports)
     count = len(casters)
+    if voxel_effects.drawn(scene):
+        return Decision(True, f"{count} mesh{'es' * (count > 1)} may shade the cubes")
+    codes, share, name = occlusion_bounds.codes(scene, reports)
     reason = (
         f"{count} mesh{'es' * (count > 1)} cast{'s' * (count == 1)} a shadow, {name} of at most "
         f"{100 * share:.2g} % of the light"
@@ -206,7 +216,7 @@ def defocus(scene: Scene, reports: Reports, lines: int) -> Decision:
     """
     if scene.camera.lens is None:
         return Decision(False, "the camera has no lens")
-    if not shown(scene):
+    if not shown(scene) and not voxel_effects.drawn(scene):
         return Decision(False, "no mesh stands in it, and the ground blurs by its own", 0.0, "px")
     blur = lens_bounds.of_opaque(scene, reports, lines)
     if blur is None:
@@ -264,9 +274,9 @@ def _lens(blur: Blur, lines: int, why_not: str, factor: float = 1.0) -> Decision
 
 
 def _blurs_ground(scene: Scene) -> bool:
-    """Whether the ground blurs itself: with meshes the gather does."""
+    """Whether the ground blurs itself: with meshes or cubes the gather does."""
     drawn = scene.ground is not None and scene.force.get("ground") is not False
-    return drawn and not shown(scene)
+    return drawn and not shown(scene) and not voxel_effects.drawn(scene)
 
 
 def _mesh_balls(scene: Scene, reports: Reports, names: set[str]) -> list[tuple[Any, Any]]:
@@ -292,6 +302,10 @@ EFFECTS = (
         lambda scene: any(isinstance(light, EnvironmentLight) for light in scene.lights),
         environment,
     ),
+    Row("lightmap", ("lightmap",), "[voxels]", voxel_effects.drawn, voxel_effects.lightmap),
+    Row("gather", ("faces",), "[voxels]", voxel_effects.drawn, voxel_effects.gather),
+    Row("probe", (), "[voxels]", voxel_effects.drawn, voxel_effects.probe),
+    Row("voxels", ("voxels",), "[voxels]", lambda s: s.voxels is not None, voxel_effects.voxels),
     Row(
         "surface",
         ("mesh",),
@@ -331,5 +345,7 @@ EFFECTS = (
         lambda scene: scene.camera.lens is not None,
         depth_of_field,
     ),
+    Row("radial_blur", (), "picture.radial_blur", post.has_streaks, post.radial_blur),
+    Row("bloom", (), "picture.bloom", lambda s: s.picture.bloom is not None, post.bloom),
     Row("film", (), "picture.film", lambda scene: True, film),
 )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from formats import film_bounds
 from formats.lens_bounds import UNKNOWN_REACH, Reports, balls
-from formats.poses import WIDEST, mesh_balls, rays
+from formats.poses import WIDEST, cube_ball, mesh_balls, rays
 from formats.scene import Fog, Scene
 
 Array = NDArray[np.float64]
@@ -21,7 +21,7 @@ def codes(scene: Scene, described: Fog, distance: float, low: float) -> float:
     density = float(described.extinction.extremes[1] * thickest)
     passing = float(np.exp(-min(DEEPEST, density * distance)))
     radiance = float(np.max(described.radiance.extremes[1]))
-    return film_bounds.veiled(scene.picture.film, passing, radiance)
+    return film_bounds.veiled(scene.picture.film, passing, radiance, scene.picture.bloom)
 
 
 def reach(scene: Scene, reports: Reports) -> tuple[float, str, float]:
@@ -54,6 +54,8 @@ def _balls(scene: Scene, reports: Reports) -> Iterator[tuple[str, Array, Array]]
             yield f"a sprite of {billboards.name}", found.middles, found.radii
     for name, middle, radius in mesh_balls(scene, reports, UNKNOWN_REACH):
         yield f"the mesh {name}", middle[None], np.array([radius])
+    for middle, radius in cube_ball(scene, reports, UNKNOWN_REACH):
+        yield "the cubes", middle[None], np.array([radius])
 
 
 def _ground(scene: Scene) -> float | None:

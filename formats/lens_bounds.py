@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.poses import Pose, mesh_balls, poses, rays
+from formats.poses import Pose, cube_ball, mesh_balls, poses, rays
 from formats.scene import NEAR, Billboards, Scene
 from maths import optics
 
@@ -75,14 +75,16 @@ def of_ground(scene: Scene, lines: int) -> Blur | None:
 
 
 def of_opaque(scene: Scene, reports: Reports, lines: int) -> Blur | None:
-    """The same of meshes, ground and sky, which lies infinitely far."""
+    """The same of meshes, cubes, ground and sky, which lies infinitely far."""
 
     def seen(pose: Pose) -> Iterator[tuple[str, Array]]:
         half = _half(scene)
-        for name, middle, radius in mesh_balls(scene, reports, UNKNOWN_REACH):
+        found = [(f"the mesh {n}", m, r) for n, m, r in mesh_balls(scene, reports, UNKNOWN_REACH)]
+        found += [("the cubes", m, r) for m, r in cube_ball(scene, reports, UNKNOWN_REACH)]
+        for name, middle, radius in found:
             shown, low, high = pose.depths(middle[None], np.array([radius]), half)
             if shown[0]:
-                yield f"the mesh {name}", np.stack([low, high])
+                yield name, np.stack([low, high])
         yield from _ground(scene, pose)
         if scene.picture.sky is not None:
             yield "the sky", np.full((2, 1), np.inf)

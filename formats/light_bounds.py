@@ -90,12 +90,17 @@ def _codes(scene: Scene, reports: Reports, light: Light) -> float | None:
     shines = {Sun: "irradiance", EnvironmentLight: "scale"}.get(type(light), "radiance")
     if not np.max(getattr(light, shines).extremes[1]) > 0.0:
         return 0.0
-    radiance = _radiance(scene, reports, light)
-    return None if radiance is None else film_bounds.added(scene.picture.film, radiance)
+    radiance = most_radiance(scene, reports, light)
+    if radiance is None:
+        return None
+    return film_bounds.added(scene.picture.film, radiance, scene.picture.bloom)
 
 
-def _radiance(scene: Scene, reports: Reports, light: Light) -> float | None:
+def most_radiance(scene: Scene, reports: Reports, light: Light) -> float | None:
     """The most that a light adds to any pixel, W/(m2 sr); None where that is not known."""
+    if scene.voxels is not None and scene.force.get("voxels") is not False:
+        # What light becomes from cell to cell is not bounded here
+        return None
     opaque, sprites = 0.0, 0.0
     if scene.ground is not None and scene.force.get("ground") is not False:
         low, high = np.full(3, -np.inf), np.full(3, np.inf)

@@ -31,8 +31,21 @@ class Shadow:
     """The soft shadow that a mesh casts on what is opaque: a volume of what it hides."""
 
     grid: int = item("integer", "voxels a side of the volume", 32, low=2, high=128)
-    l_max: int = item("integer", "highest band of spherical harmonics", 4, low=0, high=8)
-    components: int = item("integer", "numbers a voxel, four a texture", 16, low=1, high=48)
+    l_max: int = item(
+        "integer",
+        "highest band of spherical harmonics; bands: 7 for 512 KiB, 5 for 128",
+        4,
+        low=0,
+        high=8,
+    )
+    components: int = item("integer", "numbers a voxel of talk, four a texture", 16, low=1, high=48)
+    encoding: Literal["talk", "bands"] = item(
+        "text",
+        "talk: the main components of each voxel; bands: every harmonic, on two coarser grids",
+        "talk",
+        choices=("talk", "bands"),
+    )
+    size: int = item("integer", "of bands, at most", 512, unit="KiB", low=1, high=65536)
     rays: int = item(
         "integer",
         "rays of a voxel beside the mesh, at least one a harmonic; far ones get fewer",
@@ -44,11 +57,23 @@ class Shadow:
     coloured: bool = item("flag", "each channel by its own light; false: by luminance", True)
     falloff: bool = item("flag", "thins beyond the volume; false: as at its edge", True)
     self: bool = item("flag", "it falls on the mesh itself too", False)
+    receiver_normal: bool = item(
+        "flag",
+        "light counts by its angle to the surface that it falls on; false: alike from all around",
+        False,
+    )
 
     @property
     def harmonics(self) -> int:
         """Number K of spherical harmonics."""
         return (self.l_max + 1) ** 2
+
+    @property
+    def bytes(self) -> int:
+        """Bytes of the volume's textures, at most."""
+        if self.encoding == "bands":
+            return 1024 * self.size
+        return self.grid**3 * 4 * -(-self.components // 4)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from formats.scene import Scene
 
 def moving(scene: Scene) -> tuple[str, ...]:
     """Fields that change over time, such as camera.position or lights[0].radiance, in order."""
-    parts = ("camera", "lights", "ground", "meshes", "billboards", "picture")
+    parts = ("camera", "lights", "ground", "meshes", "voxels", "billboards", "picture")
     return tuple(name for part in parts for name in _moving(getattr(scene, part), part))
 
 

@@ -6,6 +6,11 @@ the volume is p from -1 to 1 and the mesh within +-1/2; voxel centres lie at (i 
 Stored is occlusion O = 1 - V, V the visibility of what is far away, projected on spherical
 harmonics (no cosine), directions in the mesh's own axes. A distant light of radiance coefficients L
 is seen with its share `1 - L.O / L.U`, U = (2 sqrt(pi), 0, ...).
+
+A volume to play has one grid, cubic and even (encoding "talk"), or two: the first components on a
+finer one, the others on a coarser one, as what is stored of high bands is small and counts only for
+small lights. Grids may have other sizes along x, y and z, and be finer in the middle:
+`occlusion_warp` of `warp` maps places to texture coordinates.
 """
 
 from __future__ import annotations
@@ -23,10 +28,12 @@ from formats import report, seal
 from formats.errors import DamagedError, InputError
 from formats.files import atomic, ktx2
 from formats.files.reading import read_bytes, refusing
+from maths.occlusion_shadow import occlusion_place, occlusion_unwarp, occlusion_warp
+from maths.trilinear import looked_up
 
-FORMAT = 1
 MASTER, MASTER_NAME = "occlusion_harmonics", "harmonics.npz"
-KIND, NAME = "occlusion", "occlusion.ktx2"
+KIND, NAME, COARSE_NAME = "occlusion", "occlusion.ktx2", "coarse.ktx2"
+FORMATS = {MASTER: 1, KIND: 2}
 AGAIN = "bake it again"
 MAX_BYTES = 1 << 30
 
@@ -104,7 +111,8 @@ class OcclusionHarmonics:
             "proof_radii": list(self.proof_radii),
             **_box_layout(self.box),
         }
-        data = {"format": FORMAT, "kind": MASTER, "layout": layout, "quality": self.quality}
+        found = {"layout": layout, "quality": self.quality}
+        data = {"format": FORMATS[MASTER], "kind": MASTER, **found}
         report.write(folder, data)
 
     @classmethod
@@ -161,11 +169,13 @@ class OcclusionHarmonics:
 class Occlusion:
     """A volume as the player reads it (`occlusion.ktx2`).
 
-    volumes : (P, n, n, n, 4), P textures of four components each, axes z, y, x: uint8 codes
+    volumes : (P, nz, ny, nx, 4), P textures of four components each, axes z, y, x: uint8 codes
     `(q - 128) / 127`, or float16; component k is channel k % 4 of texture k // 4. In the file they
     stand on one another along z, to be cut apart: no filter may run from one into the next.
-    scales : (4 P,) float32, 0 past the components in use.  basis : (components, K), rows
+    scales : (4 (P + Q),) float32, 0 past the components in use.  basis : (components, K), rows
     orthonormal: terms = (values * scales) @ basis, and a light L counts `basis @ L`.
+    coarse : (Q, mz, my, mx, 4), the components from 4 P on, on a grid of their own
+    (`coarse.ktx2`); None for Q = 0.  warp : >= 0, see `occlusion_warp`.
     """
 
     volumes: NDArray[Any]
@@ -173,6 +183,8 @@ class Occlusion:
     basis: Array
     box: Box
     quality: dict[str, Any] = field(default_factory=dict)
+    coarse: NDArray[Any] | None = None
+    warp: float = 0.0
 
     @property
     def l_max(self) -> int:
@@ -184,14 +196,47 @@ class Occlusion:
         """Number of components in use."""
         return len(self.basis)
 
+    @property
+    def grids(self) -> tuple[NDArray[Any], ...]:
+        """The volumes of each grid."""
+        return (self.volumes,) if self.coarse is None else (self.volumes, self.coarse)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes on the card."""
+        return sum(grid.nbytes for grid in self.grids)
+
+    def places(self) -> Array:
+        """Return (v, 3) p of the middles of the (finer) voxels, x fastest, then y, then z."""
+        z, y, x = (np.arange(n) + 0.5 for n in self.volumes.shape[1:4])
+        at = np.stack(np.meshgrid(z, y, x, indexing="ij"), axis=-1)[..., ::-1].reshape(-1, 3)
+        size = np.array(self.volumes.shape[3:0:-1])
+        return np.asarray(2.0 * occlusion_unwarp(at / size, self.warp) - 1.0)
+
+    def slots(self, p: ArrayLike) -> Float:
+        """Return the stored values (m, 4 (P + Q)), before scales, that a lookup at p (m, 3) gets,
+        outside the volume those of its edge."""
+        place = occlusion_warp(occlusion_place(p), self.warp)
+        return np.concatenate([looked_up(_by_slot(grid), place) for grid in self.grids], axis=1)
+
     def decoded(self) -> Float:
-        """Return the components (n, n, n, components) that the codes stand for."""
-        values = decode(self.volumes)
-        by_slot = np.moveaxis(values, 0, 3).reshape(*values.shape[1:4], -1) * self.scales
+        """Return the components (nz, ny, nx, components) that the codes stand for, in the middles
+        of the (finer) voxels."""
+        parts = [_by_slot(self.volumes)]
+        if self.coarse is not None:
+            at = 0.5 + 0.5 * self.places()
+            coarser = looked_up(_by_slot(self.coarse), occlusion_warp(at, self.warp))
+            parts.append(coarser.reshape(*self.volumes.shape[1:4], -1))
+        by_slot = np.concatenate(parts, axis=-1) * self.scales
         return np.ascontiguousarray(by_slot[..., : self.components])
 
+    def terms(self, p: ArrayLike) -> Float:
+        """Return the harmonics (m, K) of occlusion that a lookup at p (m, 3) gives."""
+        values = (self.slots(p) * self.scales)[:, : self.components]
+        return np.asarray(values @ self.basis.astype(np.float32))
+
     def constants(self, light: ArrayLike) -> Array:
-        """Return the weights (..., 4 P, C) of stored values under lights, the scales folded in.
+        """Return the weights (..., 4 (P + Q), C) of stored values under lights, scales folded in.
 
         light : (..., K, C), radiance coefficients. A texel's `values @ constants` is L.O.
         """
@@ -201,12 +246,14 @@ class Occlusion:
         return np.asarray(padded * self.scales[:, None].astype(np.float64))
 
     def save(self, folder: Path) -> None:
-        """Write `occlusion.ktx2` and `report.json` into an existing folder."""
-        stacked = self.volumes.reshape(-1, *self.volumes.shape[2:])
-        ktx2.write(Path(folder) / NAME, ktx2.Texture((stacked,), "volume"))
+        """Write `occlusion.ktx2`, `coarse.ktx2` if any, and `report.json` into a folder."""
+        for name, grid in zip((NAME, COARSE_NAME), self.grids, strict=False):
+            stacked = grid.reshape(-1, *grid.shape[2:])
+            ktx2.write(Path(folder) / name, ktx2.Texture((stacked,), "volume"))
         layout = {
-            "grid": self.volumes.shape[1],
-            "volumes": len(self.volumes),
+            "grids": [grid.shape[3:0:-1] for grid in self.grids],
+            "volumes": [len(grid) for grid in self.grids],
+            "warp": self.warp,
             "depth": 8 * self.volumes.dtype.itemsize,
             "l_max": self.l_max,
             "longest_axis": self.box.longest_axis,
@@ -214,7 +261,7 @@ class Occlusion:
             "basis": self.basis,
             **_box_layout(self.box),
         }
-        data = {"format": FORMAT, "kind": KIND, "layout": layout, "quality": self.quality}
+        data = {"format": FORMATS[KIND], "kind": KIND, "layout": layout, "quality": self.quality}
         report.write(folder, data)
 
     @classmethod
@@ -224,14 +271,19 @@ class Occlusion:
         Raises DamagedError where its bytes changed or are of another kind or format.
         """
         data, layout = _read(folder, KIND)
-        path = Path(folder) / NAME
-        texture = ktx2.decode(_bytes(folder, NAME), str(path))
-        n, count = layout["grid"], layout["volumes"]
-        level = texture.levels[0]
-        if level.shape != (count * n, n, n, 4) or texture.kind != "volume":
-            raise DamagedError(path, "size", str(level.shape), AGAIN)
+        grids = []
+        stored = zip((NAME, COARSE_NAME), layout["grids"], layout["volumes"], strict=False)
+        for name, (x, y, z), count in stored:
+            path = Path(folder) / name
+            texture = ktx2.decode(_bytes(folder, name), str(path))
+            level = texture.levels[0]
+            if level.shape != (count * z, y, x, 4) or texture.kind != "volume":
+                raise DamagedError(path, "size", str(level.shape), AGAIN)
+            grids.append(level.reshape(count, z, y, x, 4))
         return cls(
-            volumes=level.reshape(count, n, n, n, 4),
+            volumes=grids[0],
+            coarse=grids[1] if len(grids) > 1 else None,
+            warp=layout["warp"],
             scales=np.asarray(layout["scales"], np.float32),
             basis=np.asarray(layout["basis"], np.float64).reshape(-1, (layout["l_max"] + 1) ** 2),
             box=_box_of(layout),
@@ -257,6 +309,12 @@ def decode(codes: NDArray[Any]) -> Float:
     return (codes.astype(np.float32) - 128) / np.float32(127)
 
 
+def _by_slot(volumes: NDArray[Any]) -> Float:
+    """Return textures (P, z, y, x, 4) of codes as one volume (z, y, x, 4 P) of numbers."""
+    values = decode(volumes)
+    return np.ascontiguousarray(np.moveaxis(values, 0, 3).reshape(*values.shape[1:4], -1))
+
+
 _TYPES = {"f": np.float32, "b": np.bool_, "i": np.int64}
 _ARRAYS = ("terms", "inside", "spread", "error", "proof_voxels", "proof_lights", "proof_shadow")
 
@@ -272,7 +330,7 @@ def _box_of(layout: dict[str, Any]) -> Box:
 
 def _read(folder: Path, kind: str) -> tuple[dict[str, Any], dict[str, Any]]:
     data = report.read(folder)
-    if data.get("kind") != kind or data.get("format") != FORMAT:
+    if data.get("kind") != kind or data.get("format") != FORMATS[kind]:
         found = f"{data.get('kind')} of format {data.get('format')}"
         raise DamagedError(folder, "kind", found, AGAIN)
     return data, data["layout"]

@@ -40,6 +40,9 @@ def hidden(mesh: PlacedMesh, bounds: Any, distance: float) -> float:
     half = 0.5 * (high - low)
     half = np.maximum(half, THINNEST * half.max()) * mesh.scale
     radius = float(np.linalg.norm(half))
+    # A surface that faces little light may lose all of it
+    if shadow.receiver_normal:
+        return 1.0
     if not shadow.falloff or distance <= 2.0 * radius or radius == 0.0:
         return 1.0
     thinned = float(disc_share(distance, radius) / disc_share(2.0 * radius, radius))
@@ -60,7 +63,9 @@ def codes(scene: Scene, reports: Mapping[str, Mapping[str, Any]]) -> tuple[float
         passing *= 1.0 - share
         if share > worst or not name:
             worst, name = share, mesh.name
-    return film_bounds.veiled(scene.picture.film, passing, 0.0) if worst else 0.0, worst, name
+    picture = scene.picture
+    codes = film_bounds.veiled(picture.film, passing, 0.0, picture.bloom) if worst else 0.0
+    return codes, worst, name
 
 
 def _bounds(reports: Mapping[str, Mapping[str, Any]], mesh: PlacedMesh) -> Array | None:

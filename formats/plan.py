@@ -6,6 +6,10 @@ from typing import Any
 # Effects in frame order; formats/effects.py decides each
 FRAME = (
     "environment",
+    "lightmap",
+    "gather",
+    "probe",
+    "voxels",
     "surface",
     "transfer",
     "ground",
@@ -15,6 +19,8 @@ FRAME = (
     "defocus",
     "billboard",
     "depth_of_field",
+    "radial_blur",
+    "bloom",
     "film",
 )
 LINES = 1080  # picture height where none is stated

@@ -168,3 +168,22 @@ def mesh_balls(
         corners = np.abs(report.get("bounds", [[unknown, 0.0, 0.0]])).max(axis=0)
         reach = mesh.scale * float(np.linalg.norm(corners))
         yield mesh.name, 0.5 * (low + high), reach + 0.5 * float(np.linalg.norm(high - low))
+
+
+def cube_ball(
+    scene: Scene, reports: Mapping[str, Mapping[str, Any]], unknown: float
+) -> Iterator[tuple[Array, float]]:
+    """Yield (middle (3,), radius) of the ball that holds the world of cubes, where one is drawn.
+
+    unknown : metres from the middle of its underside where no report measures it.
+    """
+    world = scene.voxels
+    if world is None or scene.force.get("voxels") is False:
+        return
+    layout = reports.get("voxels/world", {}).get("layout")
+    base = np.asarray(world.position, np.float64)
+    if layout is None:
+        yield base, unknown
+        return
+    half = 0.5 * layout["cell_size"] * np.asarray(layout["size"], np.float64)
+    yield base + np.array([0.0, half[1], 0.0]), float(np.linalg.norm(half))

@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import lights, meshes, plan, schema
+from formats import lights, meshes, plan, schema, voxel_world
 from formats.errors import InputError
 from formats.instances import Instances
 from formats.keyed import Keyed
@@ -32,11 +32,13 @@ from formats.meshes import PlacedMesh
 from formats.scene_file import parse
 from formats.schema import Where, item
 from formats.sprites import QUALITIES, Billboards, Dome, Ring, check, check_source, complete
+from formats.voxel_world import VoxelWorld
 from maths import keyframes
 
 __all__ = [
     "NEAR",
     "Billboards",
+    "Bloom",
     "Camera",
     "Disc",
     "Dome",
@@ -51,6 +53,7 @@ __all__ = [
     "Picture",
     "PlacedMesh",
     "Polygon",
+    "RadialBlur",
     "Rectangle",
     "Ring",
     "Scene",
@@ -58,6 +61,7 @@ __all__ = [
     "Sphere",
     "Sun",
     "Time",
+    "VoxelWorld",
     "from_dict",
     "load",
 ]
@@ -143,6 +147,54 @@ class Film:
         "text", "curve from radiance to display light", "filmic", choices=("linear", "filmic")
     )
     vignette: float = item("number", "darkening of the corners", 0.0, low=0, high=1)
+    grain: float = item(
+        "number",
+        "standard deviation of noise on mid grey, less on dark and bright",
+        0.0,
+        unit="codes",
+        low=0,
+        high=16,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bloom:
+    """Light that scatters around what is bright; none is added, none is lost."""
+
+    strength: Keyed = item("keyed", "share of the light that scatters", 0.1, low=0, high=1)
+    threshold: float = item(
+        "number",
+        "only light beyond it scatters; at 0 all does",
+        0.0,
+        unit=lights.RADIANCE,
+        low=0,
+        high=1e4,
+    )
+    radius: float = item(
+        "number",
+        "standard deviation of the widest octave, share of the picture's height",
+        0.1,
+        low=1e-3,
+        high=0.5,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RadialBlur:
+    """Streaks towards a point, as of a lens that zooms while the shutter is open."""
+
+    strength: Keyed = item(
+        "keyed", "length of a streak, share of the way to the centre", 0.1, low=0, high=1
+    )
+    centre: tuple[float, float] = item(
+        "vector",
+        "where streaks lead, shares of width and height from the top left",
+        [0.5, 0.5],
+        sizes=(2,),
+        low=0,
+        high=1,
+    )
+    samples: int = item("integer", "of a streak, at most one a pixel", 16, low=2, high=128)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,7 +203,9 @@ class Picture:
 
     sky: Sky | None = item("table", "calls for the sky", None, table=Sky)
     fog: Fog | None = item("table", "calls for fog", None, table=Fog)
-    film: Film = item("table", "exposure and tonemap", {}, table=Film)
+    radial_blur: RadialBlur | None = item("table", "calls for streaks", None, table=RadialBlur)
+    bloom: Bloom | None = item("table", "calls for bloom", None, table=Bloom)
+    film: Film = item("table", "exposure, tonemap and grain", {}, table=Film)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -177,6 +231,7 @@ class Scene:
     lights: tuple[Light, ...] = item("tables", "lights", [], tables=LIGHTS)
     ground: Ground | None = item("table", "calls for the ground", None, table=Ground)
     meshes: tuple[PlacedMesh, ...] = item("tables", "opaque meshes", [], tables={"": PlacedMesh})
+    voxels: VoxelWorld | None = item("table", "calls for a world of cubes", None, table=VoxelWorld)
     billboards: tuple[Billboards, ...] = item("tables", "sprites", [], tables={"": Billboards})
     picture: Picture = item("table", "sky, fog and film", {}, table=Picture)
     force: dict[str, bool] = item(
@@ -267,6 +322,8 @@ def _check(scene: Scene, where: Where) -> None:
         if mesh.name in [other.name for other in scene.meshes[:i]]:
             place.refuse(mesh.name, "give each mesh another name")
         meshes.check(mesh, where.at("meshes").item(i))
+    if scene.voxels is not None:
+        voxel_world.check(scene.voxels, where.at("voxels"))
     names = [billboards.name for billboards in scene.billboards]
     for i, billboards in enumerate(scene.billboards):
         place = where.at("billboards").item(i)

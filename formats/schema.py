@@ -21,6 +21,7 @@ MAX_ITEMS = 100_000  # positions or keys of one list
 MAX_TABLES = 256  # lights, sets of sprites
 MAX_SECONDS = 1e6  # of a key
 REQUIRED: Any = object()
+COLOUR = re.compile(r"#[0-9a-fA-F]{6}")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")  # becomes the name of a folder
 
 T = TypeVar("T")
@@ -308,6 +309,23 @@ def switches(raw: object, spec: Spec, where: Where) -> dict[str, bool]:
     return {key: flag(entry, spec, where.at(key)) for key, entry in content.items()}
 
 
+def radiances(raw: object, spec: Spec, where: Where) -> dict[str, tuple[float, ...]]:
+    """A table from palette indices, colours or materials to three numbers."""
+    if not isinstance(raw, dict):
+        where.refuse(raw, "write a table such as { 42 = [9.0, 4.1, 1.2] }")
+    three = dataclasses.replace(spec, sizes=(3,))
+    for key in raw:
+        if not (1 <= len(key) <= 64 and key.isprintable()):
+            where.at(key[:64]).refuse("unknown key", "name it by 1 to 64 letters on one line")
+    return {key: vector(value, three, where.at(key)) for key, value in raw.items()}
+
+
+def is_colour(text: str) -> bool:
+    """Whether a text is a palette index, 1 to 255, or a colour, #rrggbb."""
+    index = text.isascii() and text.isdigit() and len(text) <= 3 and 1 <= int(text) <= 255
+    return index or COLOUR.fullmatch(text) is not None
+
+
 def _list(raw: object, where: Where, remedy: str, most: int = MAX_ITEMS) -> list[Any]:
     if not isinstance(raw, list | tuple):
         where.refuse(raw, remedy)
@@ -342,4 +360,5 @@ READERS: dict[str, Callable[[Any, Spec, Where], Any]] = {
     "table": nested,
     "tables": several,
     "switches": switches,
+    "radiances": radiances,
 }

@@ -90,7 +90,7 @@ def project_disc(
     thousandth of the radius from the rim, but there 1,024 points end: 3e-5 at a ten-thousandth, .08
     at 1e-5 of the radius, .5 at 1e-6.
     precision : error to allow, as a share of area / distance^2. At 1e-3 a third to a sixth of the
-        time: 4 or 16 points of the area (see `maths.spherical_cubature`) where those do.
+        time: 4 to 36 points of the area (see `maths.spherical_cubature`) where those do.
     Returns (..., K, 3). Raises ValueError for discs that are none.
     """
     offset = np.asarray(centre, np.float64) - np.asarray(point, np.float64)
@@ -175,7 +175,7 @@ def _disc(c: Array, axis: Array, radius: Array, l_max: int, precision: float) ->
     """Integrals (n, K) over discs, by few points where those do, else around the rim."""
     found = np.empty((len(c), (l_max + 1) ** 2))
     far = _length(c)
-    degrees = degrees_for(radius / far, l_max, precision)
+    degrees = degrees_for(radius / far, l_max, precision, "disc")
     a, b = orthonormal_basis(axis)
     middle, wide = c / far[:, None], (radius / far)[:, None]
     sides, area = (wide * a, wide * b), np.pi * wide * wide * axis
@@ -183,7 +183,7 @@ def _disc(c: Array, axis: Array, radius: Array, l_max: int, precision: float) ->
         at = np.flatnonzero(degrees == degree)
         if degree:
             two = sides[0][at], sides[1][at]
-            found[at] = integral(middle[at], two, area[at], l_max, int(degree), disc=True)
+            found[at] = integral(middle[at], two, area[at], l_max, int(degree), "disc")
         else:
             found[at] = disc_integral(c[at], axis[at], radius[at], l_max, precision)
     return found
@@ -199,13 +199,15 @@ def _polygon(r: Array, l_max: int, precision: float) -> Array:
         far = np.maximum(_length(middle), np.max(np.abs(r), axis=(1, 2)) * 1e-9)
         size = np.maximum(_length(a + b), _length(a - b))
         skew = _length(r[:, 0] + r[:, 2] - r[:, 1] - r[:, 3])
-        degrees = degrees_for(size / far, l_max, precision) * (skew <= 1e-9 * size)
+        degrees = degrees_for(size / far, l_max, precision, "parallelogram")
+        degrees *= skew <= 1e-9 * size
         middle, a, b = (v / far[:, None] for v in (middle, a, b))
         area = 4 * np.cross(a, b)
     for degree in np.unique(degrees):
         at = np.flatnonzero(degrees == degree)
         if degree:
-            found[at] = integral(middle[at], (a[at], b[at]), area[at], l_max, int(degree), False)
+            two = a[at], b[at]
+            found[at] = integral(middle[at], two, area[at], l_max, int(degree), "parallelogram")
         else:
             found[at] = polygon_integral(r[at], l_max, precision)
     return found

@@ -25,6 +25,8 @@ from pipelines.deliver import copy, publish
 from pipelines.plan import build
 
 Progress = Callable[[str, float], None]
+MADE_FROM = {"lightmap": ("voxels", "environment"), "faces": ("voxels",)}
+"""Kinds that are inputs of another."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +53,8 @@ def bake_scene(
 ) -> SceneBake:
     """Bake a scene into build/scenes/NAME; what the store has is not baked again.
 
-    only : a kind ("billboard", "environment") to bake alone, without writing the scene's folder.
+    only : a kind ("billboard", "environment") to bake alone, with what it is made from, without
+    writing the scene's folder.
     Raises InputError, MachineError, DamagedError.
     """
     scene = scenes.load(path, root)
@@ -61,7 +64,7 @@ def bake_scene(
     plan = build(scene)
     entries: dict[str, Entry] = {}
     for name, kind, run in _jobs(scene, plan):
-        if only in (None, kind):
+        if only in (None, kind) or kind in MADE_FROM.get(str(only), ()):
             watch = None if on_progress is None else partial(on_progress, name)
             entries[name] = run(store, watch)
     if only is None:
@@ -91,6 +94,10 @@ def _jobs(scene: scenes.Scene, plan: Plan) -> Iterator[tuple[str, str, Run]]:
         elif asset.kind == "transfer":
             placed = next(placed for placed in scene.meshes if placed.name == name)
             yield asset.name, asset.kind, partial(_transfer, placed)
+        elif asset.kind == "voxels":
+            yield asset.name, asset.kind, partial(_voxels, scene, name)
+        elif asset.kind in ("lightmap", "faces"):
+            yield asset.name, asset.kind, partial(_light, scene, asset.kind == "lightmap")
         elif asset.kind == "mesh":
             source = next(placed.source for placed in scene.meshes if placed.name == name)
             yield asset.name, asset.kind, partial(_mesh, source)
@@ -115,7 +122,7 @@ def _occlusion_steps(placed: PlacedMesh) -> bake_sprites.Sprite:
     if shadow is None:
         raise TypeError(f"{placed.name} has no shadow")
     rays = occlusion.Params(grid=shadow.grid, l_max=shadow.l_max, rays=shadow.rays)
-    pack = compress.Params(components=shadow.components)
+    pack = compress.Params(encoding=shadow.encoding, components=shadow.components, size=shadow.size)
     steps = (
         bake_sprites.Step(occlusion.trace, rays, OcclusionHarmonics.load),
         bake_sprites.Step(compress.compress, pack, Occlusion.load),
@@ -143,6 +150,30 @@ def _transfer_stage(placed: PlacedMesh) -> tuple[Stage, Source[Any], Any]:
     return transfer.trace, bake_sprites.mesh_source(placed.source), params
 
 
+def _voxels(scene: scenes.Scene, name: str, store: Store, watch: Watch | None) -> Entry:
+    from pipelines import bake_cubes
+
+    assert scene.voxels is not None
+    return bake_sprites.bake(store, bake_cubes.cells(scene.voxels, name), watch)
+
+
+def _light(scene: scenes.Scene, lit: bool, store: Store, watch: Watch | None) -> Entry:
+    """Bake faces, and light where nothing moves, of cells that are baked before."""
+    from pipelines import bake_cubes
+
+    return bake_cubes.light(store, scene, _light_inputs(store, scene, lit), lit, watch)
+
+
+def _light_inputs(store: Store, scene: scenes.Scene, lit: bool) -> list[Any]:
+    from pipelines import bake_cubes
+
+    assert scene.voxels is not None
+    worlds = [f"voxels/{name}" for name in bake_cubes.names(scene.voxels)]
+    maps = [f"environment/{number}" for number in bake_cubes.maps_of(scene)] if lit else []
+    found = [[_located(store, scene, name)[-1] for name in part] for part in (worlds, maps)]
+    return bake_cubes.inputs(*found)
+
+
 def _mesh(path: Path, store: Store, watch: Watch | None) -> Entry:
     stage, source, params = _mesh_stage(path)
     return store.run(stage, source, params=params, on_progress=watch)
@@ -163,6 +194,7 @@ def known_reports(scene: scenes.Scene, build_folder: Path) -> reports.Reports:
     names = [f"billboard/{group.name}" for group in scene.billboards]
     names += [f"{KINDS[placed.lighting]}/{placed.name}" for placed in scene.meshes]
     names += [f"occlusion/{placed.name}" for placed in scene.meshes if placed.shadow]
+    names += ["voxels/world"] if scene.voxels is not None else []
     lights = [isinstance(light, scenes.EnvironmentLight) for light in scene.lights]
     names += [f"environment/{i}" for i, environment in enumerate(lights) if environment]
     last = {name: _located(store, scene, name)[-1] for name in names}
@@ -188,6 +220,8 @@ def _located(store: Store, scene: scenes.Scene, asset: str) -> tuple[Entry, ...]
     if kind == "billboard":
         group = next(group for group in scene.billboards if group.name == name)
         return bake_sprites.located(store, bake_sprites.of_scene(scene, group))
+    if kind in ("voxels", "lightmap", "faces"):
+        return _located_cubes(store, scene, kind, name)
     if kind == "occlusion":
         placed = next(placed for placed in scene.meshes if placed.name == name)
         return bake_sprites.located(store, _occlusion_steps(placed))
@@ -203,6 +237,16 @@ def _located(store: Store, scene: scenes.Scene, asset: str) -> tuple[Entry, ...]
         stage, source, params = _environment_stage(light)
     step = bake_sprites.Step(stage, params, lambda path: path)
     return bake_sprites.located(store, bake_sprites.Sprite(source, (step,)))
+
+
+def _located_cubes(store: Store, scene: scenes.Scene, kind: str, name: str) -> tuple[Entry, ...]:
+    from pipelines import bake_cubes
+
+    assert scene.voxels is not None
+    if kind == "voxels":
+        return bake_sprites.located(store, bake_cubes.cells(scene.voxels, name))
+    lit = kind == "lightmap"
+    return (bake_cubes.located(store, scene, _light_inputs(store, scene, lit), lit),)
 
 
 def _environment(light: scenes.Light, store: Store, watch: Watch | None) -> Entry:
@@ -294,5 +338,9 @@ def _sources(scene: scenes.Scene) -> dict[str, str]:
         listed = photograph_files.files if group.photographed else sources.files
         files += listed(group.source)
     files += [file for placed in scene.meshes for file in sources.files(placed.source)]
+    if scene.voxels is not None:
+        from pipelines import bake_cubes
+
+        files += bake_cubes.files(scene.voxels)
     files += [light.source for light in scene.lights if isinstance(light, scenes.EnvironmentLight)]
     return {str(f.resolve()): digest(f) for f in dict.fromkeys(files)}

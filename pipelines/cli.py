@@ -36,6 +36,16 @@ jobs_option = click.option(
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on standard output.")
 
 
+def _kind(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+    """Check a kind of baked asset against the table of effects, read only where one is named."""
+    if value is None:
+        return None
+    from formats.effects import EFFECTS
+
+    kinds = sorted({kind for row in EFFECTS for kind in row.kinds})
+    return str(click.Choice(kinds).convert(value, param, ctx))
+
+
 @click.group(context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
 @click.version_option(package_name="bakelight")
 def cli() -> None:
@@ -49,8 +59,9 @@ def cli() -> None:
 @jobs_option
 @click.option(
     "--only",
-    type=click.Choice(["billboard", "environment", "mesh", "occlusion"]),
-    help="Bake one kind alone.",
+    metavar="KIND",
+    callback=_kind,
+    help="Bake one kind of asset alone, such as lightmap, with what it is made from.",
 )
 @json_option
 def bake(

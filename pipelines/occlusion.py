@@ -18,12 +18,23 @@ if TYPE_CHECKING:
 @click.argument("source", metavar="MESH", type=file_path)
 @folder_out
 @knob("--grid", 32, "Voxels a side.")
-@knob("--l-max", 4, "Highest band of spherical harmonics.")
+@click.option(
+    "--l-max",
+    type=int,
+    help="Highest band of spherical harmonics.  [default: 4; of bands 7 at 512 KiB, 5 at 128]",
+)
 @knob("--rays", 1024, "Rays of a voxel beside the mesh; far ones get fewer.")
 @knob(
     "--adaptive", 0.0, "Stop a voxel at this share of its truncation error, such as 0.125; 0: no."
 )
-@knob("--components", 16, "Numbers a voxel, four a volume.")
+@knob(
+    "--encoding",
+    "talk",
+    "talk: the main components of each voxel; bands: every harmonic, on two coarser grids.",
+    ("talk", "bands"),
+)
+@knob("--components", 16, "Of talk: numbers a voxel, four a volume.")
+@knob("--size", 512, "Of bands: KiB, at most.")
 @knob("--depth", "8", "Bits a number: 8, or 16 as half floats.", ("8", "16"))
 @build_option
 @jobs_option
@@ -46,14 +57,18 @@ def occlusion(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **
 
 
 def steps(knobs: dict[str, Any]) -> tuple[Step, ...]:
-    """Return the stages that bake a mesh's occlusion with these options: rays, then components."""
+    """Return the stages that bake a mesh's occlusion with these options: rays, then codes."""
     from bake import compress
     from bake import occlusion as stage
     from formats.occlusion import Occlusion, OcclusionHarmonics
     from pipelines.bake_sprites import Step
 
+    packing = ("encoding", "components", "size")
+    pack = compress.Params(**{name: knobs[name] for name in packing}, depth=int(knobs["depth"]))
+    if knobs["l_max"] is None:
+        pack.check()
+        knobs["l_max"] = 4 if pack.encoding == "talk" else compress.l_max_for(pack)
     trace = stage.Params(**{name: knobs[name] for name in ("grid", "l_max", "rays", "adaptive")})
-    pack = compress.Params(components=knobs["components"], depth=int(knobs["depth"]))
     return (
         Step(stage.trace, trace, OcclusionHarmonics.load),
         Step(compress.compress, pack, Occlusion.load),
@@ -63,10 +78,11 @@ def steps(knobs: dict[str, Any]) -> tuple[Step, ...]:
 def lines(data: dict[str, Any]) -> list[str]:
     """Return what the report of an occlusion volume says, in a few lines."""
     layout, quality = data["layout"], data["quality"]
-    grid, components = layout["grid"], len(layout["basis"])
+    grids = [f"{x}^3" if x == y == z else f"{x} x {y} x {z}" for x, y, z in layout["grids"]]
     found = [
-        f"occlusion: {grid}^3 voxels, l_max {layout['l_max']}, {components} numbers of "
-        f"{layout['depth']} bits, {quality['bytes'] / 1024:.0f} KiB, {quality['rays']} rays"
+        f"occlusion: {' and '.join(grids)} voxels, l_max {layout['l_max']}, "
+        f"{len(layout['basis'])} numbers of {layout['depth']} bits, "
+        f"{quality['bytes'] / 1024:.0f} KiB, {quality['rays']} rays"
     ]
     losses = ("sampling_error", "truncation_error", "component_loss", "quantisation_loss")
     told = [f"{name.replace('_', ' ')} {quality[name]:.2g}" for name in losses]

@@ -12,6 +12,9 @@ from formats.scene import Scene
 
 # On two cores without a card, a million pixels; no scene's own content is known
 ESTIMATES = {
+    "gather": 400.0,
+    "probe": 5.0,
+    "voxels": 200.0,
     "surface": 60.0,
     "transfer": 30.0,
     "ground": 90.0,
@@ -20,6 +23,8 @@ ESTIMATES = {
     "fog": 25.0,
     "defocus": 900.0,
     "billboard": 40.0,
+    "radial_blur": 130.0,
+    "bloom": 130.0,
     "film": 45.0,
 }
 

@@ -3,11 +3,12 @@
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from formats import effects, motion, photograph_files
 from formats.plan import LINES, AssetPlan, EffectPlan, LightPlan, Plan
-from formats.scene import Billboards, EnvironmentLight, PlacedMesh, Scene
+from formats.scene import Billboards, EnvironmentLight, PlacedMesh, Scene, VoxelWorld
 from pipelines import pass_times
 
 if TYPE_CHECKING:
@@ -27,6 +28,10 @@ TRANSFER_BYTE_RAYS_A_SECOND = 6e7  # of a mesh's bytes times a vertex's rays: 70
 OCCLUSION_START = 1.5  # seconds: reading a mesh, components, the proof of the report
 OCCLUSION_RAYS_A_SECOND = 1e8  # of voxels times rays asked for: far voxels get fewer
 ENVIRONMENT_BYTES = 64 * 32 * 8  # RGBA16F
+VOXELS_SECONDS = 1.0
+FACES_SECONDS = 1.0
+LIGHTMAP_SECONDS = 20.0  # of a town of 64 cells a side at 2 % error
+LIGHTMAP_BYTES = 512 * 512 * 8  # RGBA16F
 TYPICAL_PHOTOGRAPHS = 64  # where a plan is made without its sources
 MARGIN = 1.5  # texture over object, each side, with room for blur
 MIPS = 4 / 3
@@ -36,10 +41,13 @@ SAMPLES = 4  # of both, besides, where meshes have edges
 TARGETS = {
     "surface": TARGET_BYTES * SAMPLES,
     "transfer": TARGET_BYTES * SAMPLES,
+    "voxels": TARGET_BYTES * SAMPLES,
     "ground": 8,
     "occlusion": 4,
     "film": 4 + TARGET_BYTES,
     "defocus": 68,
+    "radial_blur": 8,
+    "bloom": 11,
 }
 
 
@@ -123,6 +131,14 @@ def _assets(
                 assert isinstance(lit, EnvironmentLight)
                 name = str(light.index)
                 add("environment", name, lit.source, ENVIRONMENT_SECONDS, ENVIRONMENT_BYTES)
+    if scene.voxels is not None:
+        for name, source in _cubes(scene.voxels):
+            size = source.stat().st_size if source.is_file() else 1 << 20
+            if "voxels" in kinds:
+                add("voxels", name, source, VOXELS_SECONDS, 8 * size)
+        for kind, spent in (("lightmap", LIGHTMAP_SECONDS), ("faces", FACES_SECONDS)):
+            if kind in kinds:
+                add(kind, "world", scene.voxels.source, spent, LIGHTMAP_BYTES)
     if "mesh" in kinds:
         for mesh in scene.meshes:
             if mesh.lighting == "direct":
@@ -139,13 +155,16 @@ def _assets(
         for mesh in scene.meshes:
             if (shadow := mesh.shadow) is not None:
                 work = shadow.grid**3 * shadow.rays / OCCLUSION_RAYS_A_SECOND
-                size = shadow.grid**3 * 4 * -(-shadow.components // 4)
-                add("occlusion", mesh.name, mesh.source, OCCLUSION_START + work, size)
+                add("occlusion", mesh.name, mesh.source, OCCLUSION_START + work, shadow.bytes)
     if "billboard" in kinds:
         for billboards in scene.billboards:
             size = _bytes(billboards)
             add("billboard", billboards.name, billboards.source, _seconds(billboards), size)
     return tuple(found)
+
+
+def _cubes(world: VoxelWorld) -> list[tuple[str, Path]]:
+    return [("world", world.source), *((body.name, body.source) for body in world.bodies)]
 
 
 def _mesh_bytes(mesh: PlacedMesh) -> int:
@@ -263,7 +282,7 @@ def summary(plan: Plan) -> str:
     """Cost in a few lines: bake from nothing, memory, what a frame draws, and what is left out."""
     passes = [name for name in plan.called if name not in ("environment", "depth_of_field")]
     width = round(plan.lines * 16 / 9)
-    targets = 1 + SAMPLES if {"surface", "transfer"} & set(plan.called) else 1
+    targets = 1 + SAMPLES if {"surface", "transfer", "voxels"} & set(plan.called) else 1
     memory = (plan.bytes + width * plan.lines * TARGET_BYTES * targets) / 1e6
     measured = all(e.timed == "measured" for e in plan.effects if e.milliseconds > 0)
     moves = "Nothing moves: one frame is enough." if plan.still else f"It moves: {plan.motion}."

@@ -84,19 +84,26 @@ def trace_scene(
     """Trace a scene by paths instead of playing it: no bake, no OpenGL. Raises InputError.
 
     out : a picture (.png through the film, .exr linear with its standard error) or a folder for one
-    picture a time or frame. samples : paths a pixel.
+    picture a time or frame. samples : paths a pixel. Light goes on from surface to surface twice,
+    or as often as a world of cubes asks.
     """
     width, height = parse_size(size)
     if out.suffix.lower() not in ("", ".png", ".exr"):
         remedy = "the reference writes .png, .exr or a folder"
         raise InputError("command line", "--output", str(out), remedy)
     scene = scenes.load(path, root)
-    from bake import reference, workers
+    from bake import reference, reference_cubes, workers
     from pipelines.output import bars
 
     wanted, job = _moments(scene, times, frames, out), RenderJob()
     for name, time in wanted:
-        params = reference.Params(width=width, height=height, time=time, samples=samples)
+        params = reference.Params(
+            width=width,
+            height=height,
+            time=time,
+            samples=samples,
+            bounces=max(reference.Params.bounces, reference_cubes.bounces(scene)),
+        )
         started = perf_counter()
         with bars() as bar:
             watch = None if bar is None else partial(bar, name)

@@ -19,11 +19,24 @@ folder_out = click.option(
 def add_to(group: click.Group) -> None:
     """Hang these commands under the program."""
     from pipelines.billboard import billboard
+    from pipelines.lightmap import lightmap
     from pipelines.occlusion import occlusion
     from pipelines.photographs import photographs
     from pipelines.transfer import transfer
+    from pipelines.voxels import voxels
 
-    commands = (billboard, environment, occlusion, photographs, transfer, relight, inspect, store)
+    commands = (
+        billboard,
+        environment,
+        lightmap,
+        occlusion,
+        photographs,
+        transfer,
+        voxels,
+        relight,
+        inspect,
+        store,
+    )
     for command in commands:
         group.add_command(command)
 

@@ -2,8 +2,9 @@
 
 A light far from a caster is one set of harmonics; a near one differs from place to place, so that
 all are projected at both ends of the caster's longest axis. What the shader sums is then the same
-few numbers for any lights. Approximate by design: light from behind the receiver counts too, the
-receiver's own cosine does not, and between the ends the result is lerped.
+few numbers for any lights. Approximate by design: between the ends the result is lerped, and unless
+`receiver_normal` asks for nine times those numbers light from behind the receiver counts too, while
+the receiver's own cosine does not.
 
 References
 ----------
@@ -22,12 +23,18 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import occlusion
 from formats.errors import DamagedError, InputError
 from formats.meshes import PlacedMesh, Shadow
 from formats.occlusion import Occlusion
 from maths.colour import luminance
-from maths.occlusion_shadow import disc_distance, disc_share
+from maths.occlusion_shadow import (
+    LOBES,
+    disc_distance,
+    disc_share,
+    occlusion_unwarp,
+    receiver_facing,
+    receiver_products,
+)
 from maths.spherical_rotation import rotate
 
 Array = NDArray[np.float64]
@@ -35,22 +42,24 @@ Float = NDArray[np.float32]
 
 DARK = 1e-12
 """Least light, of all directions together, that a shadow is taken from: W/m2."""
+OTHERS = 88
+"""Uniform components of the shader but for lights, at most: 22 vectors, matrices in three."""
 
 
 @dataclass(frozen=True, eq=False)
 class Caster:
     """A mesh that casts a shadow.
 
-    number : among the scene's meshes, from 1.  texture : its volumes, slabs along z.  edge : (m, 4
-    P) stored values of the volume's outermost voxels.  edge_share : (m,) `disc_share` of the
-    places where they begin to thin, at most as far as a corner.
+    number : among the scene's meshes, from 1.  textures : its volumes, slabs along z, of each grid.
+    edge : (m, 4 P) stored values at the volume's edge.  edge_share : (m,) `disc_share` of the
+    places where they begin to thin, at most as far as a corner.  P : textures of four components.
     """
 
     number: int
     placed: PlacedMesh
     shadow: Shadow
     asset: Occlusion
-    texture: Any
+    textures: tuple[Any, ...]
     edge: Float
     edge_share: Array
 
@@ -75,20 +84,42 @@ class Caster:
         matrix = self.placed.world_from_mesh(time)
         return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
 
+    @property
+    def l_max(self) -> int:
+        """Highest band of light that counts: a normal's cosine mixes two more into the volume's."""
+        return self.asset.l_max + (2 if self.shadow.receiver_normal else 0)
+
     def weights(self, light: Array, time: float) -> Array:
         """Weights (2, C, 4 P) of stored values: they sum to the share hidden, `L.O / L.U`.
 
         light : (2, K, 3) at the ends, in world axes.  C : 3 channels, or 1 by luminance.
         """
-        K = self.asset.basis.shape[1]
-        turn = self.placed.world_from_mesh(time)[:3, :3] / self.placed.scale
-        seen = rotate(light[:, :K], turn.T)
-        if not self.shadow.coloured:
-            seen = np.asarray(luminance(seen))[..., None]
+        share = self._share(light[:, : self.asset.basis.shape[1]])
+        constants = self.asset.constants(self._turned(share, time))
+        return np.ascontiguousarray(np.moveaxis(constants, 1, 2))
+
+    def receiver_weights(self, light: Array, time: float) -> tuple[Array, Array]:
+        """Weights (2, C, 9, 4 P) and numbers (2, 9, C) that meet `receiver_lobe` of a normal.
+
+        light : (2, K, 3) at the ends, in world axes, as the normals; K of `l_max`. The first sum to
+        `int L cos+ O`, the second to `int L cos+`, both over L.U.
+        """
+        share = self._share(light[:, : (self.l_max + 1) ** 2])
+        products = receiver_products(share, self.asset.l_max)
+        constants = self.asset.constants(self._turned(products, time))
+        return np.ascontiguousarray(np.moveaxis(constants, 3, 1)), receiver_facing(share)
+
+    def _share(self, light: Array) -> Array:
+        """Light (2, K, C) over L.U by end and channel, 0 where it is dark."""
+        seen = light if self.shadow.coloured else np.asarray(luminance(light))[..., None]
         total = 2.0 * np.sqrt(np.pi) * seen[:, :1]
         lit = total > DARK
-        constants = self.asset.constants(seen) * lit / np.where(lit, total, 1.0)
-        return np.ascontiguousarray(np.moveaxis(constants, 1, 2))
+        return np.asarray(seen * lit / np.where(lit, total, 1.0))
+
+    def _turned(self, light: Array, time: float) -> Array:
+        """Light (..., K, C) of the world in the mesh's own axes."""
+        turn = self.placed.world_from_mesh(time)[:3, :3] / self.placed.scale
+        return rotate(light, turn.T, axis=-2)
 
     def reach(self, weights: Array, least: float) -> float:
         """Distance from the middle, metres of the mesh, beyond which less than `least` is hidden.
@@ -112,7 +143,7 @@ def load(player: Any) -> tuple[Caster, ...]:
     Raises DamagedError where one is missing or its bytes changed.
     """
     folders = player.folders("occlusion")
-    shared: dict[Path, tuple[Occlusion, Any]] = {}
+    shared: dict[Path, tuple[Occlusion, tuple[Any, ...]]] = {}
     casters = []
     for number, placed in enumerate(player.scene.meshes, start=1):
         if placed.shadow is None:
@@ -123,29 +154,45 @@ def load(player: Any) -> tuple[Caster, ...]:
             raise DamagedError(player.folder / "manifest.json", where, "missing", "bake it again")
         if folder not in shared:
             asset = Occlusion.load(folder)
-            shared[folder] = asset, texture(player, asset, placed.name)
+            shared[folder] = asset, textures(player, asset, placed.name)
         asset, made = shared[folder]
+        if placed.shadow.receiver_normal:
+            check_uniforms(player, asset, placed)
         edge, share = _edge(asset)
         casters.append(Caster(number, placed, placed.shadow, asset, made, edge, share))
     return tuple(casters)
 
 
-def texture(player: Any, asset: Occlusion, name: str) -> Any:
-    """Return the volumes as one linear, edge-clamped 3D texture, on one another along z.
+def textures(player: Any, asset: Occlusion, name: str) -> tuple[Any, ...]:
+    """Return the volumes of each grid as one linear, edge-clamped 3D texture, on one another along
+    z.
 
     Raises InputError where this machine takes none so large.
     """
-    count, n = asset.volumes.shape[:2]
     limit = int(player.ctx.info["GL_MAX_3D_TEXTURE_SIZE"])
-    if count * n > limit:
-        remedy = f"this machine takes {limit} texels: lower grid or components"
-        raise InputError(name, "shadow", f"{count} volumes of {n} voxels", remedy)
-    kind = "f2" if asset.volumes.dtype.itemsize == 2 else "f1"
-    data = np.ascontiguousarray(asset.volumes)
-    made = player.ctx.texture3d((n, n, n * count), 4, data, alignment=1, dtype=kind)
-    made.filter = (moderngl.LINEAR, moderngl.LINEAR)
-    made.repeat_x = made.repeat_y = made.repeat_z = False
-    return player.targets.adopt(made, data.nbytes)
+    found = []
+    for grid in asset.grids:
+        count, z, y, x = grid.shape[:4]
+        if max(count * z, y, x) > limit:
+            remedy = f"this machine takes {limit} texels: lower grid, size or components"
+            raise InputError(name, "shadow", f"{count} volumes of {max(z, y, x)} voxels", remedy)
+        kind = "f2" if grid.dtype.itemsize == 2 else "f1"
+        data = np.ascontiguousarray(grid)
+        made = player.ctx.texture3d((x, y, z * count), 4, data, alignment=1, dtype=kind)
+        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
+        made.repeat_x = made.repeat_y = made.repeat_z = False
+        found.append(player.targets.adopt(made, data.nbytes))
+    return tuple(found)
+
+
+def check_uniforms(player: Any, asset: Occlusion, placed: PlacedMesh) -> None:
+    """Raise InputError where shaders of this machine take too few numbers for a normal's light."""
+    limit = int(player.ctx.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"])
+    channels = 3 if placed.shadow is None or placed.shadow.coloured else 1
+    wanted = 4 * LOBES * 2 * (channels * len(asset.scales) // 4 + 1) + OTHERS
+    if wanted > limit:
+        remedy = f"this machine takes {limit}: lower components, or write coloured = false"
+        raise InputError(placed.name, "shadow.receiver_normal", f"{wanted} uniforms", remedy)
 
 
 def decode(asset: Occlusion) -> tuple[float, float]:
@@ -154,14 +201,27 @@ def decode(asset: Occlusion) -> tuple[float, float]:
 
 
 def _edge(asset: Occlusion) -> tuple[Float, Array]:
-    """Stored values of the outermost voxels, and `disc_share` of the farthest place of each."""
-    n = asset.volumes.shape[1]
-    values = occlusion.decode(asset.volumes)
-    slots = np.moveaxis(values, 0, 3).reshape(n**3, -1)
+    """Stored values at the volume's edge, and `disc_share` of the farthest place of each.
+
+    Between middles of voxels, of either grid, a lookup there is linear along both axes.
+    """
     extent = 2.0 * np.asarray(asset.box.half_extent)
-    centres = (asset.box.voxel_centres(n) - np.asarray(asset.box.centre)) / extent
-    outer = np.abs(centres).max(axis=1) > 1.0 - 1.5 / n
-    # Between voxels a lookup mixes neighbours: each is taken as far out as the next one
-    p = np.minimum(np.abs(centres) + 2.0 / n, 1.0)
-    share = disc_share(np.linalg.norm(p[outer] * extent, axis=1), 0.5 * np.linalg.norm(extent))
-    return np.ascontiguousarray(slots[outer]), np.asarray(share)
+    seams = [_seams(asset, axis) for axis in range(3)]
+    # What lies between two is taken as far out as the outer one
+    outward = [
+        np.minimum(np.where(at < 0, np.append(1.0, -at[:-1]), np.append(at[1:], 1.0)), 1.0)
+        for at in seams
+    ]
+    p, far = (np.stack(np.meshgrid(*axes, indexing="ij"), -1) for axes in (seams, outward))
+    outer = np.abs(p).max(axis=-1) == 1.0
+    distance = np.linalg.norm(far[outer] * extent, axis=1)
+    share = disc_share(distance, 0.5 * np.linalg.norm(extent))
+    return asset.slots(p[outer]), np.asarray(share)
+
+
+def _seams(asset: Occlusion, axis: int) -> Array:
+    """Return p along an axis, rising, of the middles of voxels of all grids, and both ends."""
+    sizes = [grid.shape[3 - axis] for grid in asset.grids]
+    middles = np.concatenate([(np.arange(n) + 0.5) / n for n in sizes])
+    p = 2.0 * occlusion_unwarp(np.unique(middles), asset.warp) - 1.0
+    return np.concatenate([[-1.0], p, [1.0]])

@@ -1,12 +1,13 @@
 """The player: a baked scene folder in, pictures out.
 
 Only the passes that the manifest's plan calls for are imported, compiled and allocated. The frame
-is the plan's effects read top to bottom. The same time gives the same bytes in every process.
+is the plan's effects read top to bottom. The same time gives the same bytes in every process;
+where light of cubes is gathered, the same times in the same order do.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -38,7 +39,8 @@ class Player:
     folder : what `bakelight bake` wrote. size : (width, height) pixels. context : a moderngl
     context to draw with; without one a headless context is made, and released again by `close`.
     camera : set it to a runtime.camera.Camera to look from elsewhere than the scene does. roaming :
-    it will be: also draw ground and sky where the plan left them out as never seen.
+    it will be: also draw ground and sky where the plan left them out as never seen, and let light
+    settle from frame to frame.
     sun_turn : (azimuth, elevation) radians added to the first sun. reuse : set it to False to draw
     every pass of every frame. Raises InputError where there
     is no such scene, DamagedError where its bytes changed, MachineError where no OpenGL context
@@ -75,16 +77,18 @@ class Player:
         )
         self.camera: Camera | None = None
         self.sun_turn = (0.0, 0.0)
+        self.patient = not roaming
         self.reuse, self.skipped = True, tuple[str, ...]()
         self._reuse, self._made_for = reuse.Reuse(), tuple[Any, ...]()
         self._linked: dict[str, int] = {}
         self._made: list[Any] = []
+        self._shared: dict[Any, Any] = {}
         # Decode assets while the driver starts
         with ThreadPoolExecutor() as pool:
             loading = self._load_sprites(pool)
             self._owns_context = context is None
             self.ctx = capture.make_context() if context is None else context
-            opaque = {"surface", "transfer"}.intersection(self.called)
+            opaque = {"surface", "transfer", "voxels"}.intersection(self.called)
             self.targets = Frame(self.ctx, size, SAMPLES if opaque else 1)
             self.programs = Programs(self.ctx)
             with self._within("billboard"):
@@ -229,6 +233,9 @@ class Player:
 
     def close(self) -> None:
         """Free everything on the card; the context too where the player made it."""
+        for drawn in self.passes.values():
+            if hasattr(drawn, "release"):
+                drawn.release()
         for made in self._made:
             made.release()
         self.targets.release()
@@ -262,13 +269,20 @@ class Player:
 
         index : buffer of 32-bit numbers of vertices, None to take them in order.
         """
-        return self._keep(self.ctx.vertex_array(program, list(content), index))
+        return self.keep(self.ctx.vertex_array(program, list(content), index))
 
     def buffer(self, size: int) -> Any:
         """Return a vertex buffer of `size` bytes that `close` frees."""
-        return self._keep(self.ctx.buffer(reserve=size, dynamic=True))
+        return self.keep(self.ctx.buffer(reserve=size, dynamic=True))
 
-    def _keep(self, made: Any) -> Any:
+    def once(self, make: Callable[[Player], Any]) -> Any:
+        """Return what `make(player)` made when it was first asked for."""
+        if make not in self._shared:
+            self._shared[make] = make(self)
+        return self._shared[make]
+
+    def keep(self, made: Any) -> Any:
+        """Return something made on the card that `close` frees."""
         self._made.append(made)
         return made
 

@@ -115,9 +115,9 @@ def _part(player: Any, part: glb.Primitive, textures: dict[bytes, Any], folder: 
         columns["tint"] = part.colours
     rows = np.concatenate(list(columns.values()), axis=1).astype(np.float32)
     return Part(
-        vertices=_filled(player, rows),
+        vertices=filled(player, rows),
         columns={name: values.shape[1] for name, values in columns.items()},
-        index=_filled(player, part.indices.astype(np.uint32)),
+        index=filled(player, part.indices.astype(np.uint32)),
         texture=textures.get(data) if data is not None else None,
         base_color=material.base_color[:3],
         emissive=material.emissive,
@@ -133,7 +133,7 @@ def _custom(player: Any, part: glb.Primitive) -> tuple[Any, ...]:
     names = sorted(part.attributes)
     stored = np.concatenate([part.attributes[name] for name in names], axis=1)
     layout = " ".join(["4f1" if stored.dtype == np.uint8 else "4f2"] * len(names))
-    return (_filled(player, stored), layout, *(name.lower().lstrip("_") for name in names))
+    return (filled(player, stored), layout, *(name.lower().lstrip("_") for name in names))
 
 
 def texture(player: Any, codes: NDArray[np.float32], name: str) -> Any:
@@ -158,7 +158,8 @@ def texture(player: Any, codes: NDArray[np.float32], name: str) -> Any:
     return player.targets.adopt(made, texels.nbytes * 4 // 3)
 
 
-def _filled(player: Any, values: NDArray[Any]) -> Any:
+def filled(player: Any, values: NDArray[Any]) -> Any:
+    """Return a buffer of these values that the player frees."""
     data = np.ascontiguousarray(values)
     made = player.buffer(data.nbytes)
     made.write(data)

@@ -1,12 +1,14 @@
 """Render the pictures of README and docs again: the grove at four hours and through a day, a tree
-relit, a sprite's light by four methods, the player beside the traced reference, and a bust between
-two lamps.
+relit, a sprite's light by four methods, the player beside the traced reference, a bust between two
+lamps, its shadow by bands of harmonics beside the traced one, and a courtyard of cubes.
 
-Run by `make images`; other hours may be given, or `frame` or `bust` for one picture alone. Writes
-grove.webp (four panels, 1200 pixels wide, under 400 kB), grove-day.webp (a loop of 72 frames, under
-3 MB), relit.webp, normal-map.webp, frame.webp and bust.webp (four panels) beside this file.
+Run by `make images`; other hours may be given, or `frame`, `bust`, `harmonics` or `cubeworld` for
+one picture alone. Writes grove.webp (four panels, 1200 pixels wide, under 400 kB), grove-day.webp
+(a loop of 72 frames, under 3 MB), relit.webp, normal-map.webp, frame.webp, bust.webp and
+cubeworld.webp (four panels each) and harmonics.webp (five, under 200 kB) beside this file.
 """
 
+import json
 import subprocess
 import sys
 import tempfile
@@ -53,7 +55,21 @@ FRAME, FRAME_AT, FRAME_SIZE, FRAME_PATHS, FRAME_BYTES = "glowcaps", 6.0, (480, 2
 
 
 # The bust turns once in 24 seconds
+# Light in a courtyard of cubes, at four moments of its sixteen seconds
+CUBES, CUBES_AT = "assets/scenes/cubeworld.toml", [0.0, 4.0, 8.0, 12.0]
+
 BUST, BUST_AT = "assets/scenes/bust.toml", [0.0, 6.0, 12.0, 18.0]
+
+# Its shadow from near, at one moment: volumes of all components beside the scene's own, and paths a
+# pixel of the truth
+BANDS = {
+    "L2": {"l_max": 2, "components": 9},
+    "L3": {"l_max": 3, "components": 16},
+    "L4": {"l_max": 4, "components": 25},
+}
+BANDS_OWN = "L7, as the scene has it"
+BANDS_AT, BANDS_SIZE, BANDS_PATHS, BANDS_BYTES = 18.0, (234, 312), 128, 200_000
+BANDS_CAMERA, BANDS_EXPOSURE = {"focal_length_mm": 54.0, "target": [0.10, 0.92, 0.0]}, 0.75
 
 
 def frame(folder: Path) -> Image.Image:
@@ -157,6 +173,42 @@ def bust(folder: Path) -> Image.Image:
     return arrange(render(folder, BUST_AT, "1192x672", BUST))
 
 
+def cubeworld(folder: Path) -> Image.Image:
+    """Show the courtyard of cubes at four moments, on a sheet."""
+    return arrange(render(folder, CUBES_AT, "1192x672", CUBES))
+
+
+def harmonics(folder: Path) -> Image.Image:
+    """Show the shadow of the bust by more and more bands, and traced, a label under each."""
+    from bake import reference, reference_film
+    from formats import scene as scenes
+    from pipelines.studies import shadow_truth
+
+    def closer(data: dict[str, Any]) -> None:
+        data["camera"] |= BANDS_CAMERA
+        data["picture"]["film"]["exposure"] = BANDS_EXPOSURE
+
+    width, height = BANDS_SIZE
+    volumes: dict[str, shadow_truth.Volume] = {**BANDS, BANDS_OWN: "as it is"}
+    played = shadow_truth.play(volumes, [BANDS_AT], BANDS_SIZE, closer)
+    data: dict[str, Any] = dict(scenes.load(ROOT / BUST).raw)
+    closer(data)
+    path = folder / "closer.json"
+    path.write_text(json.dumps(data))
+    scene = scenes.load(path, ROOT / "assets")
+    params = reference.Params(width=width, height=height, time=BANDS_AT, samples=BANDS_PATHS)
+    truth = reference.render(scene, params=params).radiance
+    shown = {name: one.pictures[BANDS_AT] for name, one in played.items()}
+    shown["traced"] = reference_film.develop(truth, scene, BANDS_AT)
+    sheet = Image.new("RGB", (len(shown) * (width + GAP) - GAP, height + 28), BACKDROP)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(15)
+    for i, (name, picture) in enumerate(shown.items()):
+        left = i * (width + GAP)
+        sheet.paste(Image.fromarray(picture), (left, 0))
+        draw.text((left + width // 2, height + 14), name, "white", font, anchor="mm")
+    return sheet
+
+
 def save(pictures: list[Image.Image], path: Path, largest: int) -> None:
     """Save one picture, or a loop of several, at the best quality whose file is small enough."""
     moving: dict[str, Any] = {"save_all": True, "append_images": pictures[1:], "loop": 0}
@@ -170,15 +222,21 @@ def save(pictures: list[Image.Image], path: Path, largest: int) -> None:
     print(f"{path.relative_to(ROOT)}: {path.stat().st_size} bytes at quality {quality}")
 
 
+# Pictures that may be asked for by name, and their largest sizes in bytes
+ALONE = {
+    "frame": (frame, FRAME_BYTES),
+    "bust": (bust, SHEET_BYTES),
+    "harmonics": (harmonics, BANDS_BYTES),
+    "cubeworld": (cubeworld, SHEET_BYTES),
+}
+
+
 def main() -> None:
     """Render, arrange, save, and say where."""
-    if sys.argv[1:] == ["frame"]:
+    if len(sys.argv) == 2 and sys.argv[1] in ALONE:
+        draw, largest = ALONE[sys.argv[1]]
         with tempfile.TemporaryDirectory() as folder:
-            save([frame(Path(folder))], HERE / "frame.webp", FRAME_BYTES)
-        return
-    if sys.argv[1:] == ["bust"]:
-        with tempfile.TemporaryDirectory() as folder:
-            save([bust(Path(folder))], HERE / "bust.webp", SHEET_BYTES)
+            save([draw(Path(folder))], HERE / f"{sys.argv[1]}.webp", largest)
         return
     hours = [float(word) for word in sys.argv[1:]] or HOURS
     day = np.interp(np.arange(FRAMES), REACHED, AT) % 24
@@ -186,13 +244,12 @@ def main() -> None:
         stills = render(Path(folder), hours, "1192x672")
         frames = render(Path(folder), [round(float(hour), 2) for hour in day], "480x270")
         tree = relit(Path(folder))
-        beside = frame(Path(folder))
-        museum = bust(Path(folder))
+        alone = {name: draw(Path(folder)) for name, (draw, _) in ALONE.items()}
     save([arrange(stills)], HERE / "grove.webp", SHEET_BYTES)
     save(frames, HERE / "grove-day.webp", DAY_BYTES)
     save([tree], HERE / "relit.webp", SHEET_BYTES)
-    save([beside], HERE / "frame.webp", FRAME_BYTES)
-    save([museum], HERE / "bust.webp", SHEET_BYTES)
+    for name, picture in alone.items():
+        save([picture], HERE / f"{name}.webp", ALONE[name][1])
     save([compared()], HERE / "normal-map.webp", COMPARED_BYTES)
 
 

@@ -10,6 +10,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
 from bake import machine, workers
 from pipelines.studies.subjects import Setting
 
@@ -41,7 +45,8 @@ class Answer:
     """What a study found.
 
     title : the answer, a sentence. truth : what it was measured against. rows : all measurements.
-    table : those worth printing, by default all. figures : numbers that are cited.
+    table : those worth printing, by default all. figures : numbers that are cited. pictures : name
+    -> (h, w, 3) uint8.
     """
 
     question: str
@@ -51,10 +56,14 @@ class Answer:
     panels: Sequence[Panel]
     table: Sequence[Row] = ()
     figures: dict[str, Any] = field(default_factory=dict)
+    pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
 
 
 def write(answer: Answer, out: Path, setting: Setting, seconds: float) -> list[Path]:
-    """Write <question>.csv, .json, .svg and .png into a folder; return their paths."""
+    """Write <question>.csv, .json, .svg, .png and <question>-<picture>.png into a folder.
+
+    Returns their paths, in this order.
+    """
     out.mkdir(parents=True, exist_ok=True)
     stem = out / answer.question
     columns = list(dict.fromkeys(name for row in answer.rows for name in row))
@@ -76,7 +85,11 @@ def write(answer: Answer, out: Path, setting: Setting, seconds: float) -> list[P
     }
     text = json.dumps(data, indent=1, allow_nan=False)
     stem.with_suffix(".json").write_text(text + "\n", encoding="utf-8")
-    return [stem.with_suffix(s) for s in (".csv", ".json")] + draw(answer, stem)
+    files = [stem.with_suffix(s) for s in (".csv", ".json")] + draw(answer, stem)
+    for name, picture in answer.pictures.items():
+        files.append(out / f"{answer.question}-{name}.png")
+        Image.fromarray(picture).save(files[-1])
+    return files
 
 
 def environment() -> dict[str, Any]:

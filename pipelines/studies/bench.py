@@ -21,9 +21,9 @@ from time import perf_counter, process_time
 
 import click
 
-from bake import billboard, mips
+from bake import billboard, mips, occlusion
 from formats.mesh import Mesh
-from pipelines.studies import ray_calls
+from pipelines.studies import occlusion_rays, ray_calls
 from pipelines.studies.answer import environment
 from pipelines.studies.subjects import Setting
 
@@ -34,6 +34,8 @@ ROUNDS = 5
 # As a scale, for a statue of 70,000 faces (a --source) on 2 cores: Mitsuba 3 (LLVM) takes 6.2 s for
 # 64 directions, 512x512, 16 samples. The knot fills more of its sprite and casts twice its rays.
 AIM_SECONDS = 2.5
+# 32^3 voxels, 1,024 rays, l_max 4, 16 components
+AIM_SHADOWS = 1.35
 
 
 @dataclass(frozen=True)
@@ -156,11 +158,21 @@ def frames(source: Path | None) -> Iterator[Figure]:
         yield Figure(f"pass {name}", spent, "ms")
 
 
+def shadows(source: Path | None) -> Iterator[Figure]:
+    """The bake of an occlusion volume against its own Embree calls, one thread."""
+    found = occlusion_rays.overhead(subject(source), occlusion.Params(), ROUNDS)
+    yield Figure("rays of an occlusion volume", found["rays"], "")
+    yield Figure("the Embree calls alone, and the tree", found["calls"] + found["build"], "s")
+    yield Figure("occlusion volume, whole bake", found["whole"], "s")
+    yield Figure("whole bake of the volume over the calls", found["ratio"], "", AIM_SHADOWS)
+
+
 PARTS: dict[str, Callable[[Path | None], Iterator[Figure]]] = {
     "rays": rays,
     "memory": memory,
     "commands": commands,
     "frames": frames,
+    "shadows": shadows,
 }
 
 

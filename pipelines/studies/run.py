@@ -21,6 +21,13 @@ QUESTIONS = (
     "dome",
     "normal_map",
     "occlusion_rays",
+    "occlusion_encodings",
+    "shadow_lights",
+    "shadow_truth",
+    "watertight",
+    "gather_lights",
+    "gather_modes",
+    "voxel_storage",
 )
 
 

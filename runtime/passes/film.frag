@@ -1,5 +1,9 @@
-// From radiance to the picture: exposure, vignette, tone curve, sRGB, dither of the last step.
+// From radiance to the picture: exposure, vignette, tone curve, sRGB, grain, dither of the last step.
 #include "colour.glsl"
+#if GRAIN
+#include "grain.glsl"
+uniform float grain_codes;  // standard deviation on mid grey
+#endif
 
 uniform sampler2D colour_target;
 uniform float exposure;  // factor
@@ -23,6 +27,12 @@ void main() {
 #else
     vec3 shown = tonemap_linear(radiance);
 #endif
-    vec3 code = srgb_encode(shown) * 255.0 + dither(cell.x, cell.y, uint(frame_number));
+    vec3 encoded = srgb_encode(shown);
+    vec3 code = encoded * 255.0 + dither(cell.x, cell.y, uint(frame_number));
+#if GRAIN
+    // Nothing on black and white, where noise would be clipped and brighten or darken
+    float noise = grain_codes * grain(cell.x, cell.y, uint(frame_number));
+    code += noise * 4.0 * encoded * (1.0 - encoded);
+#endif
     picture = vec4(floor(clamp(code, 0.0, 255.0) + 0.5) / 255.0, 1.0);
 }

@@ -1,6 +1,7 @@
-"""The last step: exposure, vignette, tone curve, sRGB, and a dither of half an 8-bit code.
+"""The last step: exposure, vignette, tone curve, sRGB, grain, and a dither of half an 8-bit code.
 
-The vignette is the natural one of a lens, cos^4 of the angle off axis, in the amount asked for.
+The vignette is the natural one of a lens, cos^4 of the angle off axis, in the amount asked for. The
+grain (`maths.grain`) is the same in all channels and another in every frame.
 Reads colour, writes picture (RGBA8).
 """
 
@@ -27,7 +28,7 @@ class Pass:
     def __init__(self, player: Any) -> None:
         self._player = player
         self._film = player.scene.picture.film
-        defines = {"FILMIC": self._film.tonemap == "filmic"}
+        defines = {"FILMIC": self._film.tonemap == "filmic", "GRAIN": self._film.grain > 0.0}
         self._array = player.vertex_array(
             player.programs.get(SCREEN, HERE / "film.frag", defines, {})
         )
@@ -37,7 +38,7 @@ class Pass:
         return self._film.exposure.at(time), self._frame_number(time)
 
     def _frame_number(self, time: float) -> int:
-        """Number that the dither of `time` seconds is drawn by: it differs in every frame."""
+        """Number that dither and grain of `time` seconds are drawn by: another in every frame."""
         return round(time * self._player.scene.time.frame_rate) & 0x7FFFFFFF
 
     def draw(self, time: float) -> None:
@@ -48,6 +49,7 @@ class Pass:
             "colour_target": 0,
             "exposure": 2.0 ** self._film.exposure.at(time),
             "vignette": self._film.vignette,
+            "grain_codes": self._film.grain,
             "half_size": tuple(np.array([width, height]) / np.hypot(width, height)),
             "frame_number": self._frame_number(time),
         }

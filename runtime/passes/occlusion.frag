@@ -2,20 +2,39 @@
 #include "occlusion.glsl"
 
 uniform sampler2D opaque_depth;
-uniform sampler3D volume;         // VOLUMES slabs along z, four components each
-uniform float grid;               // voxels a side of one
+uniform sampler3D volume;         // FINE slabs along z, four components each
+#if FINE < VOLUMES
+uniform sampler3D coarse;         // the others, on a grid of their own
+#endif
+uniform vec2 depth;               // voxels of a slab of each along z
+uniform float warp;               // see occlusion_warp
 uniform vec2 decode;              // factor and offset of stored values
-uniform vec4 weights[2 * CHANNELS * VOLUMES];  // light over L.U, by end and channel
+#if RECEIVER
+const int LOBES = 9;
+uniform vec3 facing[2 * LOBES];   // what meets a normal's harmonics, by end
+#else
+const int LOBES = 1;
+#endif
+uniform vec4 weights[2 * CHANNELS * LOBES * VOLUMES];  // light over L.U, by end, channel, harmonic
 uniform mat3 object_from_world;
 uniform vec3 object_camera;       // the camera in the object's frame
 uniform vec3 longest;             // unit vector of the longest axis
 uniform vec3 extent;              // half of the volume, metres of the mesh
 uniform float reach;              // metres of the mesh from the middle; nothing is hidden beyond
 uniform float near;
+uniform int side;                 // of an edge within a pixel: 0 before it, 1 behind it
+#if SAMPLED
+const float EDGE = 0.01;          // least jump of one, as a share of the nearer 1 / distance
+#endif
+#if OWN || RECEIVER
+uniform vec2 ground;              // height of the camera over it, 1 where there is one
+#endif
 #if OWN
 uniform isampler2D mesh_number;
 uniform int own;
-uniform vec2 ground;              // height of the camera over it, 1 where there is one
+#endif
+#if RECEIVER && NORMALS
+uniform sampler2D mesh_normal;
 #endif
 
 in vec3 ray;
@@ -23,10 +42,58 @@ in vec2 screen;
 
 layout(location = 0) out vec4 colour;
 
+// Four stored values of slab i of `count`, `n` voxels deep: no filter reaches the next slab.
+vec4 stored(sampler3D slabs, vec3 place, int i, int count, float n) {
+    float z = float(i) * n + clamp(place.z * n, 0.5, n - 0.5);
+    return texture(slabs, vec3(place.xy, z / (n * float(count)))) * decode.x + decode.y;
+}
+
 float depth_at(ivec2 pixel) {
     pixel = clamp(pixel, ivec2(0), textureSize(opaque_depth, 0) - 1);
     return texelFetch(opaque_depth, pixel, 0).r;
 }
+
+#if SAMPLED
+// Depth between the two surfaces whose edge a pixel may hold, else 1: samples before it take the
+// shadow of the nearer one (side 0), those behind it of the farther one (side 1). z, way : depth of
+// that surface, 1 where there is nothing to draw, and the step to the pixel that shows it.
+float edge_at(ivec2 pixel, inout float z, out ivec2 way) {
+    float here = z, low = z, high = z, bend = 0.0;
+    ivec2 nearest = ivec2(0), farthest = ivec2(0);
+    for (int axis = 0; axis < 2; ++axis) {
+        float sum = -2.0 * here;
+        for (int i = -1; i < 2; i += 2) {
+            ivec2 beside = axis == 0 ? ivec2(i, 0) : ivec2(0, i);
+            float there = depth_at(pixel + beside);
+            sum += there;
+            nearest = there < low ? beside : nearest;
+            farthest = there > high ? beside : farthest;
+            low = min(low, there);
+            high = max(high, there);
+        }
+        // 1 - depth is linear over the picture on every plane; at its border nothing is known
+        bool inner = pixel[axis] > 0 && pixel[axis] < textureSize(opaque_depth, 0)[axis] - 1;
+        bend = max(bend, inner ? abs(sum) : 0.0);
+    }
+    float split = 0.5 * (low + high);
+    bool edge = high < 1.0 && bend > EDGE * (1.0 - low);
+    // Samples of the sky are left out by the depth test: beside it an edge is taken for the nearer
+    bool first = edge ? here < split : here < 1.0;
+    z = first == (side == 0) ? here : side == 0 ? low : high;
+    way = first == (side == 0) ? ivec2(0) : side == 0 ? nearest : farthest;
+    if (edge) return split;
+    z = side == 0 ? z : 1.0;
+    return 1.0;
+}
+#endif
+
+#if OWN || RECEIVER
+// Whether a point is of the ground: height y above it, d before the camera.
+bool is_ground(float y, float d) {
+    float error = 1e-5 * d + 2.4e-7 * d * d / near;  // of a depth of 24 bits
+    return ground.y > 0.5 && abs(y) <= error;
+}
+#endif
 
 #if OWN
 int number_at(ivec2 pixel) {
@@ -38,17 +105,33 @@ int number_at(ivec2 pixel) {
 // pixel there, in the frame of p.
 bool is_own(ivec2 pixel, float y, float d, vec3 p, vec3 size) {
     // Meshes under the ground have a number too
-    float error = 1e-5 * d + 2.4e-7 * d * d / near;  // of a depth of 24 bits
-    if (ground.y > 0.5 && abs(y) <= error) return false;
+    if (is_ground(y, d)) return false;
     int here = number_at(pixel);
-    if (here == own) return true;
+    if (here == own && side == 0) return true;
     // Numbers are those of pixels' middles, depths those of samples: its edges lie in its box
     if (!all(lessThanEqual(abs(p), 0.501 + 0.75 * size))) return false;
-    if (here == 0) return true;
+    if (here == own || here == 0) return true;
     for (int i = 0; i < 9; ++i) {
         if (number_at(pixel + ivec2(i % 3 - 1, i / 3 - 1)) == own) return true;
     }
     return false;
+}
+#endif
+
+#if RECEIVER
+// Normal of what is seen at height y above the ground, d before the camera; 0 where it has none.
+vec3 normal_at(ivec2 pixel, float y, float d) {
+    if (is_ground(y, d)) return vec3(0.0, 1.0, 0.0);
+#if NORMALS
+    // Normals are those of pixels' middles: at an edge a neighbour's is taken
+    for (int i = 0; i < 9; ++i) {
+        ivec2 way = ivec2((i + 1) % 3 - 1, (i / 3 + 1) % 3 - 1);
+        ivec2 at = clamp(pixel + way, ivec2(0), textureSize(mesh_normal, 0) - 1);
+        vec4 found = texelFetch(mesh_normal, at, 0);
+        if (found.w > 0.5) return normalize(found.xyz);
+    }
+#endif
+    return vec3(0.0);
 }
 #endif
 
@@ -58,20 +141,10 @@ void main() {
     float z = depth_at(pixel);
     vec3 right = dFdx(ray), up = dFdy(ray);
 #if SAMPLED
-    // Samples of the sky are left out by the depth test: an edge is taken for the pixel beside it
-    if (z >= 1.0) {
-        ivec2 nearest = ivec2(0);
-        for (int i = 0; i < 4; ++i) {
-            ivec2 way = ivec2(i - 1, i - 2) * ivec2(1 - i % 2, i % 2);
-            float there = depth_at(pixel + way);
-            if (there < z) {
-                z = there;
-                nearest = way;
-            }
-        }
-        pixel += nearest;
-        towards += right * float(nearest.x) + up * float(nearest.y);
-    }
+    ivec2 way;
+    gl_FragDepth = edge_at(pixel, z, way);
+    pixel += way;
+    towards += right * float(way.x) + up * float(way.y);
 #endif
     if (z >= 1.0) discard;
     float d = near / (1.0 - z);
@@ -82,16 +155,28 @@ void main() {
 #endif
     vec3 offset = p * extent;
     if (dot(offset, offset) > reach * reach) discard;
-    vec3 place = occlusion_place(p);
-    // Within a slab no filter reaches the next
-    float z_texel = clamp(place.z * grid, 0.5, grid - 0.5);
+    vec3 place = occlusion_warp(occlusion_place(p), warp);
+#if RECEIVER
+    float lobe[9] = receiver_lobe(normal_at(pixel, ground.x + towards.y * d, d));
+#endif
     vec3 hidden[2] = vec3[2](vec3(0.0), vec3(0.0));
     for (int i = 0; i < VOLUMES; ++i) {
-        vec3 at = vec3(place.xy, (float(i) * grid + z_texel) / (grid * float(VOLUMES)));
-        vec4 value = texture(volume, at) * decode.x + decode.y;
+#if FINE < VOLUMES
+        vec4 value = i < FINE ? stored(volume, place, i, FINE, depth.x)
+                              : stored(coarse, place, i - FINE, VOLUMES - FINE, depth.y);
+#else
+        vec4 value = stored(volume, place, i, FINE, depth.x);
+#endif
         for (int end = 0; end < 2; ++end) {
             for (int c = 0; c < CHANNELS; ++c) {
-                hidden[end][c] += dot(value, weights[(end * CHANNELS + c) * VOLUMES + i]);
+                int first = (end * CHANNELS + c) * LOBES * VOLUMES + i;
+#if RECEIVER
+                vec4 weight = vec4(0.0);
+                for (int j = 0; j < LOBES; ++j) weight += lobe[j] * weights[first + j * VOLUMES];
+#else
+                vec4 weight = weights[first];
+#endif
+                hidden[end][c] += dot(value, weight);
             }
         }
     }
@@ -104,7 +189,17 @@ void main() {
     factor = occlusion_falloff(p, extent);
 #endif
     float along = clamp(dot(p, longest) + 0.5, 0.0, 1.0);
+#if RECEIVER
+    vec3 faced[2] = vec3[2](vec3(0.0), vec3(0.0));
+    for (int j = 0; j < LOBES; ++j) {
+        faced[0] += lobe[j] * facing[j];
+        faced[1] += lobe[j] * facing[LOBES + j];
+    }
+    vec3 first = receiver_share(hidden[0] * factor, faced[0]);
+    vec3 second = receiver_share(hidden[1] * factor, faced[1]);
+#else
     vec3 first = clamp(1.0 - hidden[0] * factor, 0.0, 1.0);
     vec3 second = clamp(1.0 - hidden[1] * factor, 0.0, 1.0);
+#endif
     colour = vec4(mix(first, second, along), 1.0);
 }

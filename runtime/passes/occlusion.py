@@ -2,9 +2,11 @@
 
 After what is opaque and the sky, before fog and sprites: each caster multiplies the picture by the
 share of the light that its volume leaves. The sky is left out, and what surfaces emit is added
-afterwards. Reads depth, and whose a pixel is (`id`) where a caster leaves itself out; writes
-colour. Drawn on the samples of what is opaque, each pixel by one depth: at an edge shadow may
-follow one of the two surfaces. A shadow ends where it would take less than half a code of white.
+afterwards. Reads depth, whose a pixel is (`id`) where a caster leaves itself out, and how it lies
+(`normal`) where a caster asks for the receiver's normal; writes colour. Drawn on the samples of
+what is opaque: where an edge lies within a pixel, once for what is before it and once for what is
+behind it; beside the sky by one depth a pixel. A shadow ends where it would take less than half a
+code of white.
 """
 
 from __future__ import annotations
@@ -21,12 +23,14 @@ from formats.scene import NEAR
 from maths.colour import srgb_decode
 from runtime import casters, reuse, surfaces
 from runtime.camera import column_major
-from runtime.light_harmonics import LightsAtPoints
+from runtime.incident import Incident
 from runtime.shader import SCREEN, set_uniforms
 
 HERE = Path(__file__).parent
 LEAST = 1.0 - float(srgb_decode(1.0 - 0.5 / 255.0))
 """Share of light that is half a code of white under the linear curve."""
+FACING = 4.0
+"""Light on a surface that faces all of it, over the mean of all surfaces."""
 
 
 class Pass:
@@ -40,21 +44,22 @@ class Pass:
         self.casters = casters.load(player)
         drawn = [s for p in player.passes.values() for s in getattr(p, "surfaces", ())]
         own = any(not c.shadow.self for c in self.casters if c.number in {s.number for s in drawn})
-        self.reads = ("depth", "id") if own else ("depth",)
+        normals = bool(drawn) and any(c.shadow.receiver_normal for c in self.casters)
+        self.reads = ("depth", *("id",) * own, *("normal",) * normals)
         self._arrays = [self._array(caster) for caster in self.casters]
         self._emission = _Emission(player, drawn)
-        environment = player.passes.get("environment")
-        maps = {} if environment is None else environment.maps
-        l_max = max((c.asset.l_max for c in self.casters), default=0)
-        self._lights = LightsAtPoints(maps, l_max)
+        self._incident = Incident(player, max((c.l_max for c in self.casters), default=0))
 
     def _array(self, caster: casters.Caster) -> Any:
         shadow = caster.shadow
         defines = {
-            "VOLUMES": len(caster.asset.volumes),
+            "VOLUMES": len(caster.asset.scales) // 4,
+            "FINE": len(caster.asset.volumes),
             "CHANNELS": 3 if shadow.coloured else 1,
             "FALLOFF": shadow.falloff,
             "OWN": "id" in self.reads and not shadow.self,
+            "RECEIVER": shadow.receiver_normal,
+            "NORMALS": "normal" in self.reads and shadow.receiver_normal,
             "SAMPLED": self._player.targets.samples > 1,
         }
         program = self._player.programs.get(SCREEN, HERE / "occlusion.frag", defines, {})
@@ -68,17 +73,21 @@ class Pass:
 
     def weights(self, time: float) -> list[NDArray[np.float64]]:
         """Weights (2, C, 4 P) of each caster's stored values under the lights of `time` seconds."""
-        if not self.casters:
-            return []
-        ends = np.concatenate([caster.ends(time) for caster in self.casters])
-        light = self._lights.project(self._player.lights, ends)
-        pairs = zip(self.casters, light.reshape(-1, 2, *light.shape[1:]), strict=True)
+        pairs = zip(self.casters, self.light(time), strict=True)
         return [caster.weights(pair, time) for caster, pair in pairs]
+
+    def light(self, time: float) -> NDArray[np.float64]:
+        """Light (casters, 2, K, 3) at the ends of each caster, at `time` seconds."""
+        if not self.casters:
+            return np.zeros((0, 2, 1, 3))
+        ends = np.concatenate([caster.ends(time) for caster in self.casters])
+        light = self._incident.project(ends, time)
+        return np.asarray(light.reshape(-1, 2, *light.shape[1:]))
 
     def draw(self, time: float) -> None:
         """Draw the shadows of `time` seconds."""
         player, targets = self._player, self._player.targets
-        weights = self.weights(time)
+        light = self.light(time)
         if targets.samples > 1:
             targets.resolve()
             target = targets.opaque()
@@ -91,9 +100,11 @@ class Pass:
         targets.texture("depth").use(0)
         if "id" in self.reads:
             targets.texture("id").use(2)
+        if "normal" in self.reads:
+            targets.texture("normal").use(3)
         try:
             target.depth_mask = False
-            for caster, array, each in zip(self.casters, self._arrays, weights, strict=True):
+            for caster, array, each in zip(self.casters, self._arrays, light, strict=True):
                 self._draw(target, caster, array, each, time)
         finally:
             target.scissor, target.depth_mask = None, True
@@ -104,11 +115,14 @@ class Pass:
         target: Any,
         caster: casters.Caster,
         array: Any,
-        weights: NDArray[np.float64],
+        light: NDArray[np.float64],
         time: float,
     ) -> None:
         player = self._player
-        reach = caster.reach(weights, LEAST)
+        weights = caster.weights(light, time)
+        receiver = caster.shadow.receiver_normal
+        # Of a receiver's light: one that faces as much of it as the mean, or more
+        reach = caster.reach(weights, LEAST / FACING if receiver else LEAST)
         world_from_mesh = caster.placed.world_from_mesh(time)
         middle = world_from_mesh[:3, :3] @ caster.asset.box.centre + world_from_mesh[:3, 3]
         area = window(player.view, player.targets.size, middle, reach * caster.placed.scale)
@@ -117,12 +131,15 @@ class Pass:
         object_from_world = caster.object_from_world(time)
         linear, eye = object_from_world[:3, :3], player.view.position
         ground = player.scene.ground if "ground" in player.passes else None
+        grids = caster.asset.grids
         values = {
             **player.view.uniforms(player.targets.size),
             "opaque_depth": 0,
             "volume": 1,
             "mesh_number": 2,
-            "grid": float(caster.asset.volumes.shape[1]),
+            "coarse": 4,
+            "depth": (float(grids[0].shape[1]), float(grids[-1].shape[1])),
+            "warp": caster.asset.warp,
             "decode": casters.decode(caster.asset),
             "weights": [tuple(row) for row in weights.reshape(-1, 4)],
             "object_from_world": column_major(linear),
@@ -133,11 +150,23 @@ class Pass:
             "own": caster.number,
             "ground": (0.0, 0.0) if ground is None else (float(eye[1] - ground.height), 1.0),
         }
+        if receiver:
+            weights, facing = caster.receiver_weights(light, time)
+            values |= {
+                "mesh_normal": 3,
+                "weights": [tuple(row) for row in weights.reshape(-1, 4)],
+                "facing": [tuple(row) for row in np.broadcast_to(facing, (2, 9, 3)).reshape(-1, 3)],
+            }
         set_uniforms(array.program, values)
-        caster.texture.use(1)
+        for unit, texture in zip((1, 4), caster.textures, strict=False):
+            texture.use(unit)
         target.scissor = area
         target.use()
-        player.targets.draw(array, mode=moderngl.TRIANGLES, vertices=3)
+        # Where an edge lies within a pixel, samples before it and behind it are drawn apart
+        for side in range(2 if player.targets.samples > 1 else 1):
+            player.ctx.depth_func = "<" if side else ">"
+            set_uniforms(array.program, {"side": side})
+            player.targets.draw(array, mode=moderngl.TRIANGLES, vertices=3)
 
 
 class _Emission:
@@ -158,7 +187,8 @@ class _Emission:
     def draw(self, time: float) -> None:
         """Add the emission of `time` seconds."""
         player = self._player
-        if not self._parts:
+        others = [p for p in player.passes.values() if hasattr(p, "emit")]
+        if not self._parts and not others:
             return
         player.targets.opaque().use()
         player.ctx.enable_only(moderngl.BLEND | moderngl.DEPTH_TEST)
@@ -168,6 +198,8 @@ class _Emission:
             place = surfaces.place_uniforms(player, surface, time)
             set_uniforms(array.program, {**place, "emissive": part.emissive})
             player.targets.draw(array, mode=moderngl.TRIANGLES)
+        for drawn in others:
+            drawn.emit(time)
 
 
 def window(

@@ -60,9 +60,12 @@ class Pass:
         """Draw the meshes of `time` seconds."""
         player = self._player
         if wanted := surfaces.wanted_geometry(player):
-            self._geometry = self._geometry or surfaces.Geometry(player, self._surfaces, wanted)
+            over = "voxels" in player.passes
+            self._geometry = self._geometry or surfaces.Geometry(
+                player, self._surfaces, wanted, over
+            )
             self._geometry.draw(time)
-            if player.targets.samples <= 1:
+            if player.targets.samples <= 1 and not over:
                 # It shares the depth of the picture, which nothing was drawn into yet
                 player.targets.opaque().clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
         values = light_uniforms.of(player.lights)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from formats.transfer import Layout, linear
 from maths.spherical_rotation import rotate
 from runtime import surfaces
-from runtime.light_harmonics import LightsAtPoints
+from runtime.incident import Incident
 from runtime.surfaces import GEOMETRY, place_uniforms
 
 HERE = Path(__file__).parent
@@ -39,9 +39,8 @@ class Pass:
         self.surfaces = surfaces.load(player, ("transfer",))
         folders = player.folders("transfer")
         self._layouts = [Layout.load(folders[s.placed.name]) for s in self.surfaces]
-        maps = player.passes["environment"].maps if "environment" in player.passes else {}
         bands = {layout.l_max for layout in self._layouts}
-        self._lights = {l_max: LightsAtPoints(maps, l_max) for l_max in bands}
+        self._incident = {l_max: Incident(player, l_max) for l_max in bands}
         self._arrays = [[self._array(part) for part in s.parts] for s in self.surfaces]
         self._geometry: surfaces.Geometry | None = None
 
@@ -65,7 +64,7 @@ class Pass:
         surface, layout = self.surfaces[number], self._layouts[number]
         world_from_mesh = surface.placed.world_from_mesh(time)
         points = layout.points @ world_from_mesh[:3, :3].T + world_from_mesh[:3, 3]
-        light = linear(self._lights[layout.l_max].project(self._player.lights, points))
+        light = linear(self._incident[layout.l_max].project(points, time))
         turn = world_from_mesh[:3, :3] / surface.placed.scale
         return layout.constants(rotate(light, turn.T))
 
@@ -73,7 +72,7 @@ class Pass:
         """Draw the meshes of `time` seconds."""
         player = self._player
         if wanted := surfaces.wanted_geometry(player):
-            over = "surface" in player.passes
+            over = bool({"surface", "voxels"}.intersection(player.passes))
             self._geometry = self._geometry or surfaces.Geometry(
                 player, self.surfaces, wanted, over
             )
@@ -81,12 +80,14 @@ class Pass:
             if player.targets.samples <= 1 and not over:
                 # It shares the depth of the picture, which nothing was drawn into yet
                 player.targets.opaque().clear(0.0, 0.0, 0.0, 1.0, depth=1.0)
+        # Light may be found by drawing
+        lights = [self.constants(number, time) for number in range(len(self.surfaces))]
         player.targets.opaque().use()
         player.ctx.depth_func = "<="
         for number, arrays in enumerate(self._arrays):
             surface, layout = self.surfaces[number], self._layouts[number]
             place = place_uniforms(player, surface, time)
-            rows = self.constants(number, time).reshape(-1, 3)
+            rows = lights[number].reshape(-1, 3)
             place["light"] = [tuple(row) for row in rows]
             place["box_centre"], place["box_scale"] = tuple(layout.centre), tuple(layout.scale)
             place["decode"] = DECODE[layout.depth]

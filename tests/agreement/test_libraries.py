@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from maths import colour, hashing, noise, optics, sprite_packing
+from maths import bloom, colour, grain, hashing, noise, optics, sprite_packing
 
 pytestmark = pytest.mark.gpu
 ROUNDING = {"rtol": 4e-6, "atol": 2e-6}
@@ -82,6 +82,20 @@ def test_dither_is_equal_in_every_bit(glsl, rng):
     x, y, frame = rng.integers(0, 4096, (3, 4096), dtype=np.uint32)
     found = glsl("colour", "dither(x, y, frame)", {"x": x, "y": y, "frame": frame}, 3)
     np.testing.assert_array_equal(found, colour.dither(x, y, frame))
+
+
+def test_grain_is_equal_but_for_a_rounding(glsl, rng):
+    x, y, frame = rng.integers(0, 4096, (3, 4096), dtype=np.uint32)
+    found = glsl("grain", "grain(x, y, frame)", {"x": x, "y": y, "frame": frame})
+    close(found, grain.grain(x, y, frame), {"rtol": 3e-7, "atol": 0})
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.7])
+def test_bright_share(glsl, rng, threshold):
+    rgb = rng.uniform(0, 2, (2048, 3)).astype(np.float32)
+    rgb[0], rgb[1] = 0.0, threshold
+    found = glsl("bloom", f"bright_share(rgb, {threshold})", {"rgb": rgb})
+    close(found, bloom.bright_share(rgb, np.float32(threshold)), ROUNDING)
 
 
 # optics

@@ -92,6 +92,63 @@ def test_sheets_and_open_shells_have_no_inside() -> None:
     assert not found[(np.linalg.norm(points, axis=1) < 0.85) | (points[:, 1] > 0)].any()
 
 
+def share_of(vertices: np.ndarray, faces: np.ndarray, pitch: float) -> float:
+    scene = RayScene(vertices, faces)
+    oriented = occlusion_inside.is_oriented(vertices, faces)
+    pitches = np.full(3, pitch) * scene.scale
+    return occlusion_inside.thin_share(scene, pitches, oriented=oriented)
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_walls_thinner_than_a_voxel_are_found(scale: float, inverted: bool) -> None:
+    box = small_meshes.box((1.0, 1.0, 0.05), (3.0, 0.0, 0.0))
+    vertices, faces = box.vertices * scale, box.faces[:, ::-1] if inverted else box.faces
+    # .1 thick: two sides of 4, four of .2 that are 2 deep
+    assert share_of(vertices, faces, 0.09 * scale) == 0
+    assert share_of(vertices, faces, 0.11 * scale) == pytest.approx(8 / 8.8, abs=1.1 / 256)
+    assert share_of(vertices, faces, 2.1 * scale) == 1
+
+
+def test_solids_have_no_thin_walls_and_sheets_are_nothing_else() -> None:
+    assert share_of(VERTICES, FACES, 0.1) == 0
+    plate = small_meshes.plate()
+    assert share_of(plate.vertices, plate.faces, 0.01) == 1
+    # A shell of .1, and a second solid right behind a wall
+    shell = np.concatenate([VERTICES, 0.9 * VERTICES])
+    faces = np.concatenate([FACES, FACES[:, ::-1] + len(VERTICES)])
+    assert share_of(shell, faces, 0.05) == 0
+    assert share_of(shell, faces, 0.12) == 1
+    # Faces that disagree about the outside
+    flip = np.random.default_rng(9).random(len(FACES)) < 0.5
+    torn = np.where(flip[:, None], FACES[:, ::-1], FACES)
+    assert share_of(VERTICES, torn, 0.1) == 0
+
+
+def test_thin_walls_depend_on_the_voxels_of_their_own_axis() -> None:
+    box = small_meshes.box((1.0, 1.0, 0.05))
+    scene = RayScene(box.vertices, box.faces)
+    flat, tall = np.array([0.3, 0.3, 0.09]), np.array([0.09, 0.09, 0.3])
+    assert occlusion_inside.thin_share(scene, flat, oriented=True) == 0
+    assert occlusion_inside.thin_share(scene, tall, oriented=True) > 0.9
+
+
+@pytest.mark.parametrize(("scale", "offset"), [(1e-6, 0.0), (1.0, 1e6), (1e6, 0.0)])
+def test_inverted_surfaces_are_told_apart(scale: float, offset: float) -> None:
+    vertices = VERTICES * scale + offset
+    assert not occlusion_inside.is_inverted(vertices, FACES)
+    assert occlusion_inside.is_inverted(vertices, FACES[:, ::-1])
+    # Vertices that are not shared, and a part within that makes a cavity
+    soup = vertices[FACES[:, ::-1]].reshape(-1, 3)
+    assert occlusion_inside.is_inverted(soup, np.arange(len(soup)).reshape(-1, 3))
+    shell = np.concatenate([vertices, 0.5 * VERTICES * scale + offset])
+    faces = np.concatenate([FACES, FACES[:, ::-1] + len(VERTICES)])
+    assert not occlusion_inside.is_inverted(shell, faces)
+    # What is open has no volume to speak of
+    assert not occlusion_inside.is_inverted(vertices, FACES[1:, ::-1])
+    assert not occlusion_inside.is_inverted(small_meshes.plate().vertices, np.array([[0, 2, 1]]))
+
+
 def test_holes_take_the_mean_of_what_lies_around() -> None:
     volume = np.arange(5.0)[None, None, :, None] * np.ones((5, 5, 5, 2), np.float32)
     hole = np.zeros((5, 5, 5), bool)

@@ -40,6 +40,41 @@ def test_rays_at_edges_stay_in_too(sphere):
     assert np.count_nonzero(hits.face < 0) == 0
 
 
+def test_few_rays_at_vertices_leave(sphere, rng):
+    vertices, faces = sphere
+    scene = RayScene(vertices, faces)
+    start = np.repeat(0.5 * small_meshes.directions(rng, 4), len(vertices), axis=0)
+    hits = scene.intersect(float32(start), float32(np.tile(vertices, (4, 1)) - start))
+    # Embree promises nothing there; measured .3 to 1.3 % of 8,066 aimed at in turn
+    assert np.count_nonzero(hits.face < 0) < 0.02 * len(start)
+
+
+def test_a_needle_is_hit_where_it_is(rng):
+    """Triangles a millionth as wide as long: Embree's distances to them are worth nothing, but what
+    it calls a hit is one, and the point that we make of it lies on the needle."""
+    count, width = 3000, 1e-6
+    ends, along = rng.normal(size=(2, count, 3))
+    third = ends + along * rng.uniform(0.2, 0.8, (count, 1)) + width * rng.normal(size=(count, 3))
+    corners = np.stack([ends, ends + along, third], axis=1)
+    scene = RayScene(corners.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    needle = scene.corners[rng.integers(0, count, 100_000)].astype(np.float64)
+    start = float32(1.7 * small_meshes.directions(rng, len(needle)))
+    towards = np.einsum("nk,nkc->nc", rng.dirichlet([1, 1, 1], len(needle)), needle) - start
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    hits = scene.intersect(start, float32(towards))
+    met = np.flatnonzero(hits.face >= 0)
+    assert len(met) > 10_000
+    assert hits.weights[met].min() >= 0
+    assert np.abs(scene.points(hits.pick(met))).max() <= 1
+    # The line through a needle of the face that was hit passes the ray
+    a, b = scene.corners[hits.face[met], 0], scene.corners[hits.face[met], 1]
+    across = np.cross(b.astype(np.float64) - a, towards[met])
+    gap = np.abs(np.einsum("ij,ij->i", start[met].astype(np.float64) - a, across))
+    gap /= np.maximum(np.linalg.norm(across, axis=1), 1e-6)
+    # float32 holds corners to 6e-8; measured none of 116,780, 4 of 50,619 at a width of 1e-8
+    assert np.count_nonzero(gap > 1e-5) <= 1
+
+
 @pytest.mark.parametrize(("scale", "offset"), SETTINGS)
 def test_answers_do_not_depend_on_scale_and_place(sphere, rng, scale, offset):
     vertices, faces = sphere
@@ -115,6 +150,21 @@ def test_one_direction_serves_all_origins(sphere, rng):
     np.testing.assert_array_equal(one.face, all_of_them.face)
 
 
+def test_any_layout_of_memory_gives_the_same_answers(sphere, rng):
+    scene = RayScene(*sphere)
+    origins = float32(2 * small_meshes.directions(rng, 500))
+    towards = float32(small_meshes.directions(rng, 500) - origins)
+    expected = scene.occluded(origins, towards)
+    assert 0 < expected.sum() < 500
+    layouts = (
+        np.asfortranarray,
+        lambda a: np.repeat(a, 2, axis=0)[::2],
+        lambda a: np.c_[a, a][:, :3],
+    )
+    for layout in layouts:
+        np.testing.assert_array_equal(scene.occluded(layout(origins), layout(towards)), expected)
+
+
 TRIANGLE = np.eye(3)
 FACE = np.array([[0, 1, 2]])
 
@@ -153,6 +203,8 @@ BAD_RAYS = {
         "finite",
     ),
     "no direction": (GOOD, np.zeros_like(GOOD), "no direction"),
+    "hardly a direction": (GOOD, GOOD * np.float32(1e-30), "no direction"),
+    "other byte order": (GOOD.astype(">f4"), GOOD, "origins must be float32"),
     "one of no direction": (GOOD, np.diag([1, 1, 1, 0])[:, :3].astype(np.float32), "no direction"),
 }
 

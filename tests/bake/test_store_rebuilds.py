@@ -84,6 +84,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "fingerprint",
         "machine",
         "syntax",
+        "interrupts",
         "workers",
     ):
         shutil.copy(ROOT / "bake" / f"{name}.py", folder / "bake")

@@ -15,7 +15,8 @@ from PIL import Image
 
 from formats.environment import Environment
 from formats.errors import InputError
-from formats.files import exr, glb, image, ktx2, rgbe
+from formats.files import dds, exr, glb, image, ktx2, rgbe
+from maths import bc1
 
 FLIPS = 150  # damaged copies a codec; each takes 1 to 5 ms
 
@@ -36,7 +37,7 @@ def _picture(result: Any) -> bool:
 
 
 def _levels(texture: ktx2.Texture) -> bool:
-    return all(level.ndim == 4 and level.shape[3] == 4 for level in texture.levels)
+    return all(level.shape[3] == texture.format.values for level in texture.levels)
 
 
 def _nodes(nodes: list[glb.Node]) -> bool:
@@ -46,6 +47,21 @@ def _nodes(nodes: list[glb.Node]) -> bool:
 def _write_ktx2(path: Path, pixels: np.ndarray, compress: bool) -> None:
     half = pixels.astype(np.float16)[None]
     ktx2.write(path, ktx2.Texture((half, half[:, ::2, ::2])), compress=compress)
+
+
+def _blocks(pixels: np.ndarray) -> ktx2.Texture:
+    codes = np.rint(pixels * 255).astype(np.uint8)
+    levels = tuple(bc1.encode_image(level[None]) for level in (codes, codes[::2, ::2]))
+    return ktx2.Texture(levels, extent=(16, 8))
+
+
+def _cells(pixels: np.ndarray) -> ktx2.Texture:
+    numbers = np.rint(pixels * 65535).astype(np.uint16)
+    return ktx2.Texture((np.moveaxis(numbers, 2, 0)[..., None],), "volume")
+
+
+def _codes(pixels: np.ndarray) -> dds.Texture:
+    return dds.Texture((np.rint(pixels * 255).astype(np.uint8)[None],))
 
 
 def _write_glb(path: Path, pixels: np.ndarray) -> None:
@@ -69,6 +85,12 @@ def _write_pillow(path: Path, pixels: np.ndarray) -> None:
 CODECS = {
     "ktx2_zstd": Codec(".ktx2", lambda p, x: _write_ktx2(p, x, True), ktx2.read, _levels),
     "ktx2_plain": Codec(".ktx2", lambda p, x: _write_ktx2(p, x, False), ktx2.read, _levels),
+    "ktx2_blocks": Codec(".ktx2", lambda p, x: ktx2.write(p, _blocks(x)), ktx2.read, _levels),
+    "ktx2_cells": Codec(".ktx2", lambda p, x: ktx2.write(p, _cells(x)), ktx2.read, _levels),
+    "dds": Codec(".dds", lambda p, x: dds.write(p, _codes(x)), dds.read, _levels),
+    "dds_blocks": Codec(
+        ".dds", lambda p, x: dds.write(p, _blocks(x), header="fourcc"), dds.read, _levels
+    ),
     "exr_zip": Codec(
         ".exr",
         lambda p, x: exr.write(p, {"a": x, "b": x[..., :1]}),
@@ -208,6 +230,8 @@ def _huge_exr(data: bytes) -> bytes:
     [
         ("ktx2_zstd", lambda d: _patched(d, 20, HUGE * 2)),
         ("ktx2_zstd", lambda d: _patched(d, 20, (16384).to_bytes(4, "little") * 2)),
+        ("dds", lambda d: _patched(d, 12, HUGE * 2)),
+        ("dds_blocks", lambda d: _patched(d, 12, (16384).to_bytes(4, "little") * 2)),
         ("exr_zip", _huge_exr),
         ("rgbe", lambda d: d.replace(b"-Y 8 +X 16", b"-Y 30000 +X 30000")),
         ("rgbe", lambda d: d.replace(b"-Y 8 +X 16", b"-Y 9999 +X 9999")),
@@ -276,13 +300,14 @@ def test_values_that_are_not_finite_are_refused(name: str, tmp_path: Path) -> No
     "write",
     [
         lambda p, x: ktx2.write(p, ktx2.Texture((x,))),
+        lambda p, x: dds.write(p, dds.Texture((x,))),
         lambda p, x: exr.write(p, {"a": x}),
         lambda p, x: rgbe.write(p, x),
         lambda p, x: image.write(p / "a.png", x),
         lambda p, x: glb.write(p, [glb.Node("a", (glb.Primitive(x, np.zeros((1, 3), int)),))]),
         lambda p, x: Environment(x).save(p),
     ],
-    ids=["ktx2", "exr", "rgbe", "image", "glb", "environment"],
+    ids=["ktx2", "dds", "exr", "rgbe", "image", "glb", "environment"],
 )
 @pytest.mark.parametrize(
     "values",

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from formats import film_bounds
 from formats.keyed import Keyed
-from formats.scene import Film
-from maths import colour
+from formats.scene import Bloom, Film
+from maths import bloom, colour
 
 Array = NDArray[np.float64]
 # Backgrounds from black to far over white: every mixture of the channels
@@ -87,3 +87,59 @@ def test_half_floats_round_by_less_than_said(tonemap: str) -> None:
     # Rounding to nearest moves half a step of 2^-10; two pictures may round apart
     moved = 2 * np.abs(codes(found, grey) - codes(found, rounded)).max()
     assert 0.5 * film_bounds.HALF_FLOAT < moved < 2 * film_bounds.HALF_FLOAT
+
+
+# Bloom after the change: a small picture, its mean over any weights in place of the spread
+
+
+def spread(picture: Array, share: Array, strength: float, threshold: float) -> Array:
+    bright = bloom.bright_share(picture, threshold)[:, None] * picture
+    return np.asarray(picture - strength * bright + strength * (share @ bright))
+
+
+@pytest.mark.parametrize("threshold", [0.0, 0.3, 5.0])
+@pytest.mark.parametrize("tonemap", ["linear", "filmic"])
+def test_what_bloom_makes_of_a_change_is_within_the_bound(
+    tonemap: str, threshold: float, rng: np.random.Generator
+) -> None:
+    found = film(tonemap)
+    closest = np.zeros(2)
+    for strength in (0.05, 0.5, 1.0):
+        described = Bloom(strength=Keyed.hold(strength), threshold=threshold)
+        for _ in range(150):
+            before = np.exp(rng.uniform(-4, 3, (6, 3)))
+            if rng.random() < 0.5:
+                # Around the threshold, where it matters most; black beside it
+                before = (threshold or 1.0) * rng.uniform(0.9, 1.1, (6, 3))
+                before[0] = 0.0
+            share = rng.dirichlet(np.full(6, 0.3), 6)
+            glow = spread(before, share, strength, threshold)
+            light = float(np.exp(rng.uniform(-9, 0)))
+            moved = np.maximum(before + light * rng.choice([-1.0, 0.0, 1.0], (6, 3)), 0.0)
+            passing, radiance = 1.0 - light * 0.1, float(rng.choice([0.0, 0.5, 3.0]))
+            through = rng.uniform(passing, 1.0, (6, 1))
+            veil = through * before + (1.0 - through) * radiance * rng.uniform(0, 1, 3)
+            for i, (changed, bound) in enumerate(
+                (
+                    (moved, film_bounds.added(found, light, described)),
+                    (veil, film_bounds.veiled(found, passing, radiance, described)),
+                )
+            ):
+                after = spread(changed, share, strength, threshold)
+                worst = float(np.abs(codes(found, after) - codes(found, glow)).max())
+                assert worst <= bound * (1 + 1e-9) + 1e-9
+                closest[i] = max(closest[i], worst / bound)
+    # The bounds are not idle: a search comes within a factor of them
+    assert (closest > 0.1).all()
+
+
+def test_a_threshold_makes_more_of_small_changes_and_says_so() -> None:
+    """Fog that darkens what glows a little takes more from the glow, which lies on black."""
+    found, strength, threshold = film("linear"), 0.5, 1.0
+    before, share = np.array([[1.1] * 3, [0.0] * 3]), np.array([[0.5, 0.5], [0.5, 0.5]])
+    passing = 0.999
+    glow = [spread(p, share, strength, threshold) for p in (before, passing * before)]
+    change = float(np.abs(codes(found, glow[0]) - codes(found, glow[1])).max())
+    described = Bloom(strength=Keyed.hold(strength), threshold=threshold)
+    assert film_bounds.veiled(found, passing, 0.0) < change
+    assert change <= film_bounds.veiled(found, passing, 0.0, described)

@@ -1,5 +1,6 @@
 """KTX2: the layout by the letter of the specification, and files that other tools wrote."""
 
+import math
 import os
 import struct
 from pathlib import Path
@@ -186,6 +187,90 @@ def test_our_descriptor_equals_that_of_libktx() -> None:
     level = struct.unpack_from("<2Q", theirs, 80)
     mine = struct.unpack_from("<2Q", ours, 80)
     assert ours[mine[0] :] == theirs[level[0] : level[0] + level[1]]
+
+
+@pytest.mark.parametrize("compress", [True, False])
+@pytest.mark.parametrize(
+    ("kind", "size"),
+    [("array", (1, 13, 6)), ("array", (3, 4, 9)), ("volume", (6, 5, 3)), ("volume", (1, 2, 2))],
+)
+def test_blocks_come_back_and_every_level_rounds_up(
+    kind: str, size: tuple[int, int, int], compress: bool, rng: np.random.Generator
+) -> None:
+    layers, height, width = size
+    halved = (max(layers // 2, 1) if kind == "volume" else layers, height // 2, width // 2)
+    shapes = [(d, math.ceil(h / 4), math.ceil(w / 4), 8) for d, h, w in (size, halved)]
+    levels = [rng.integers(0, 256, shape, np.uint8) for shape in shapes]
+    texture = ktx2.Texture(tuple(levels), kind, extent=(width, height))
+    data = ktx2.encode(texture, compress=compress)
+    fields = HEADER.unpack_from(data)
+    assert fields[1:3] == (133, 1)  # VK_FORMAT_BC1_RGBA_UNORM_BLOCK; no swaps within a block
+    assert fields[3:5] == (width, height)
+    back = ktx2.decode(data, "blocks")
+    assert (back.kind, back.extent, back.size) == (kind, (width, height), size)
+    assert back.format.name == "BC1"
+    for i, (old, new) in enumerate(zip(levels, back.levels, strict=True)):
+        np.testing.assert_array_equal(new, old)
+        at, _, plain = struct.unpack_from("<3Q", data, 80 + 24 * i)
+        assert plain == 8 * math.prod(old.shape[:3])
+        assert compress or at % 8 == 0  # aligned to a block
+
+
+def test_cells_are_plain_numbers(rng: np.random.Generator) -> None:
+    cells = rng.integers(0, 65536, (5, 3, 7, 1), np.uint16)
+    data = ktx2.encode(ktx2.Texture((cells,), "volume"))
+    fields = HEADER.unpack_from(data)
+    assert fields[1:3] == (74, 2)  # VK_FORMAT_R16_UINT
+    assert fields[3:9] == (7, 3, 5, 0, 1, 1)
+    np.testing.assert_array_equal(ktx2.decode(data, "cells").levels[0], cells)
+    words = struct.unpack_from("<11I", data, fields[10])
+    assert words[:3] == (44, 0, 2 | 40 << 16)
+    assert words[3:7] == (1 | 1 << 8 | 1 << 16, 0, 2, 0)  # straight: there is no alpha
+    assert words[7:] == (15 << 16, 0, 0, 1)  # red, unsigned integer: 0 to 1 counts by ones
+
+
+def test_descriptor_of_blocks() -> None:
+    data = ktx2.encode(ktx2.Texture((np.zeros((1, 1, 1, 8), np.uint8),), extent=(4, 4)))
+    at, size = HEADER.unpack_from(data)[10:12]
+    words = struct.unpack_from("<11I", data, at)
+    assert words[0] == size == 44
+    assert words[1:3] == (0, 2 | 40 << 16)
+    assert words[3] == 128 | 1 << 8 | 1 << 16 | 1 << 24  # BC1A, BT.709, linear, premultiplied
+    assert words[4:7] == (3 | 3 << 8, 8, 0)  # 4 x 4 x 1 texels in 8 bytes
+    assert words[7:] == (63 << 16 | 1 << 24, 0, 0, 0xFFFFFFFF)  # 64 bits, with alpha
+
+
+@pytest.mark.parametrize(
+    ("levels", "extent"),
+    [
+        ((np.zeros((1, 2, 2, 8), np.uint8),), None),
+        ((np.zeros((1, 2, 2, 8), np.uint8),), (9, 8)),
+        ((np.zeros((1, 2, 2, 8), np.uint8),), (8, 4)),
+        ((np.zeros((1, 2, 2, 8), np.uint8),), (0, 8)),
+        ((np.zeros((1, 4, 4, 4), np.uint8),), (4, 4)),
+        ((np.zeros((1, 2, 2, 8), np.uint8), np.zeros((1, 2, 2, 8), np.uint8)), (8, 8)),
+        ((np.zeros((1, 4, 4, 2), np.uint16),), None),
+    ],
+)
+def test_blocks_need_the_extent_that_they_cover(
+    levels: tuple, extent: tuple[int, int] | None
+) -> None:
+    with pytest.raises(InputError):
+        ktx2.encode(ktx2.Texture(levels, extent=extent))
+
+
+@needs_samples
+def test_our_block_descriptor_equals_that_of_libktx() -> None:
+    theirs = _sample("2d_bc1.ktx2").read_bytes()
+    ours = ktx2.encode(ktx2.Texture((np.zeros((1, 1, 1, 8), np.uint8),), extent=(4, 4)))
+    at, size = HEADER.unpack_from(theirs)[10:12]
+    here = HEADER.unpack_from(ours)[10]
+    expected = bytearray(theirs[at : at + size])
+    assert expected[14:16] == b"\2\0"
+    assert expected[31] == 0
+    # Theirs is sRGB, straight and without alpha
+    expected[14], expected[15], expected[31] = 1, 1, 1
+    assert ours[here : here + size] == expected
 
 
 @needs_samples

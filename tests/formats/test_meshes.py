@@ -25,6 +25,13 @@ def test_an_empty_table_is_the_sixteen_numbers_of_l_max_4():
     assert (found.coloured, found.falloff, found.self) == (True, True, False)
 
 
+def test_an_encoding_says_how_many_bytes():
+    assert read({}).encoding == "talk"
+    assert read({"grid": 16, "components": 18, "size": 99}).bytes == 16**3 * 20
+    assert read({"encoding": "bands", "l_max": 7}).bytes == 512 << 10
+    assert read({"encoding": "bands", "size": 128}).bytes == 128 << 10
+
+
 @pytest.mark.parametrize(("quality", "rays"), [("draft", 256), ("balanced", 1024), ("fine", 2048)])
 def test_quality_says_how_many_rays(quality, rays):
     assert read({}, quality=quality).rays == rays
@@ -38,6 +45,8 @@ def test_quality_says_how_many_rays(quality, rays):
         ({"grid": 128, "l_max": 8}, "grid"),
         ({"grid": 1}, "grid"),
         ({"components": 0}, "components"),
+        ({"encoding": "zonal"}, "encoding"),
+        ({"encoding": "bands", "size": 0}, "size"),
         ({"colored": True}, "colored"),
     ],
 )

@@ -76,6 +76,9 @@ def test_high_enough_it_is_left_out_with_a_bound_in_codes():
         [{"name": "a", "shadow": {"falloff": False}, "position": [0, 4000, 0]}], ground={}
     )
     assert row(near, reports("a")).called
+    # And where a surface may face nothing but the light that is hidden
+    facing = {**found.raw["meshes"][0], "shadow": {"receiver_normal": True}}
+    assert row(described([facing], ground={}), reports("a")).called
 
 
 def test_it_falls_on_other_meshes_and_on_itself_only_where_asked():

@@ -206,7 +206,7 @@ FAULTS: list[tuple[tuple[Any, ...], Any, str, str]] = [
     (("billboards", 1, "scatter", "clearing"), {"centre": [0, 0], "radius": 9},
      "billboards[1].scatter.clearing", "smaller"),
     (("billboards", 1, "scatter", "tint"), float("nan"), "billboards[1].scatter.tint", "finite"),
-    (("force", "bloom"), True, "force.bloom", "use one of"),
+    (("force", "flares"), True, "force.flares", "use one of"),
 ]  # fmt: skip
 
 

@@ -1,6 +1,8 @@
 """The committed assets are what their scripts write, and are fit to be baked."""
 
 import importlib
+import os
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -185,3 +187,14 @@ def test_photographs_are_lit_well_and_small() -> None:
 def test_assets_stay_small_together() -> None:
     files = [f for f in ASSETS.rglob("*") if f.is_file() and "__pycache__" not in f.parts]
     assert sum(f.stat().st_size for f in files) < LARGEST_ASSETS
+
+
+def test_cubes_are_written_again_byte_for_byte(tmp_path: Path) -> None:
+    folder = ASSETS / "voxels"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join((str(ASSETS.parent), str(folder)))}
+    command = [sys.executable, str(folder / "make_voxels.py"), "--to", str(tmp_path)]
+    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+    made = sorted(path.name for path in tmp_path.iterdir())
+    assert made == sorted(path.name for path in folder.glob("*.vox"))
+    for name in made:
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes()

@@ -7,8 +7,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from assets.voxels import vox_file
 from formats.plan import FRAME
 
 COUNT = """
@@ -128,7 +130,7 @@ LIGHTS = "runtime.light_uniforms"
             "transfer",
             {},
             {"meshes": [{**HOUSE["meshes"][0], "lighting": "transfer"}]},
-            ["runtime.surfaces", "runtime.light_harmonics"],
+            ["runtime.surfaces", "runtime.incident", "runtime.light_harmonics"],
             1,
             1,
             ["bake.transfer.trace"],
@@ -138,13 +140,17 @@ LIGHTS = "runtime.light_uniforms"
             "occlusion",
             {**HOUSE, "ground": {}},
             {"meshes": [{**HOUSE["meshes"][0], "shadow": {"grid": 8}}]},
-            ["runtime.casters", "runtime.light_harmonics"],
+            ["runtime.casters", "runtime.incident", "runtime.light_harmonics"],
             2,
             2,
             ["bake.compress.compress", "bake.occlusion.trace"],
         ),
         # Four layers, two of tiles, three sums, copies of colour and depth, the near layer's two
         ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 4, 14, []),
+        # A copy of the picture
+        ("radial_blur", SKY, {"picture": {**SKY["picture"], "radial_blur": {}}}, [], 1, 1, []),
+        # Levels of 32 x 18 and 16 x 9
+        ("bloom", SKY, {"picture": {**SKY["picture"], "bloom": {}}}, [], 2, 2, []),
     ],
 )
 def test_an_effect_adds_exactly_its_own_to_a_bare_scene(
@@ -173,6 +179,87 @@ def test_an_effect_adds_exactly_its_own_to_a_bare_scene(
     assert set(more["profile"]["passes"]) - set(less["profile"]["passes"]) == {effect}
 
 
+CUBES: dict[str, Any] = {
+    "source": "voxels/step.vox",
+    "texels": 1,
+    "bounces": 0,
+    "error": 0.2,
+    "emissive": {"1": [1, 1, 1]},
+}
+GOES = {"times": [0, 1], "values": [[0, 1, 0], [0.5, 1, 0]]}
+LAMPS = {"lamps": [{"position": GOES, "radiance": [3, 2, 1]}]}
+BUST = {"meshes": [{**HOUSE["meshes"][0], "lighting": "transfer"}]}
+GATHER = ("gather", "gather_draws", "gather_schedule", "gather_targets", "voxel_lamps")
+
+
+@pytest.mark.gpu
+@pytest.mark.parametrize(
+    ("without", "voxels", "effects", "modules", "programs", "textures", "stages"),
+    [
+        # Depth, light, cells, their rows, and two palettes; nothing that follows rays
+        (
+            {},
+            {},
+            {"lightmap", "voxels"},
+            {"runtime.surfaces"},
+            1,
+            6,
+            ["bake.cubes.light", "bake.voxels.from_vox"],
+        ),
+        # Four programs of rays and one for lamps; instead of baked light two textures of places,
+        # two of pages, six of sums, two of what was shown, what is sent, light, and lamps
+        (
+            {},
+            LAMPS,
+            {"gather", "voxels"},
+            {"runtime.surfaces", *(f"runtime.{name}" for name in GATHER)},
+            6,
+            20,
+            ["bake.cubes.light", "bake.voxels.from_vox"],
+        ),
+        # Rays, what they find, and two textures of pages, besides those of cubes
+        (
+            BUST,
+            {},
+            {"lightmap", "probe", "voxels"},
+            {"runtime.gather_targets"},
+            2,
+            9,
+            ["bake.cubes.light", "bake.voxels.from_vox"],
+        ),
+    ],
+)
+def test_cubes_add_exactly_what_lights_them(
+    assets: Path,
+    tmp_path: Path,
+    without: dict[str, Any],
+    voxels: dict[str, Any],
+    effects: set[str],
+    modules: set[str],
+    programs: int,
+    textures: int,
+    stages: list[str],
+) -> None:
+    (assets / "voxels").mkdir()
+    step = vox_file.Part(np.array([[[1, 1], [1, 1]], [[0, 0], [1, 1]]], np.uint8))
+    vox_file.write(assets / "voxels/step.vox", [step], {1: "#808080"})
+    found = []
+    with_cubes = {"voxels": {**CUBES, **voxels}}
+    for name, raw in (("less", {**BARE, **without}), ("more", {**BARE, **without, **with_cubes})):
+        (assets / f"scenes/{name}.json").write_text(json.dumps(raw))
+        found.append(counted(assets, f"{name}.json", tmp_path / name, runs=1))
+    less, more = found
+    new = {m for m in set(more["modules"]) - set(less["modules"]) if m.startswith("runtime")}
+    own = {"runtime.cubes", "runtime.voxel_world", "runtime.voxel_blocks"}
+    assert new == own | modules | {f"runtime.passes.{effect}" for effect in effects}
+    assert passes(more) - passes(less) == effects
+    assert sorted(more["stages"]) == sorted(less["stages"] + stages)
+    assert more["profile"]["programs"] - less["profile"]["programs"] == programs
+    assert more["profile"]["textures"] - less["profile"]["textures"] == textures
+    assert set(more["profile"]["passes"]) - set(less["profile"]["passes"]) == effects
+
+
 def test_every_effect_is_counted() -> None:
     here = {"environment", "surface", "ground", "sky", "occlusion", "fog", "defocus", "billboard"}
+    here |= {"radial_blur", "bloom", "voxels", "lightmap", "gather", "probe"}
     assert here | {"transfer"} | {"depth_of_field", "film"} == set(FRAME)

@@ -66,6 +66,18 @@ def test_other_components_trace_no_ray_again(ball: Path, capfd: pytest.CaptureFi
     assert sorted((ball.parent / "b/store").glob("*trace-*")) == before
 
 
+def test_bands(ball: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(arguments(ball, "--encoding", "bands", "--size", "64")) == 0
+    text = capfd.readouterr().out
+    assert "and" in text
+    assert "l_max 4, 25 numbers of 8 bits" in text
+    asset = Occlusion.load(ball.parent / "out")
+    assert asset.coarse is not None
+    assert 50 << 10 < asset.nbytes <= 64 << 10
+    assert run(arguments(ball, "--encoding", "bands", "--size", "0")) == 2
+    assert "size" in capfd.readouterr().err
+
+
 def test_a_bad_knob_is_one_line(ball: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run(arguments(ball, "--l-max", "12")) == 2
     message = capfd.readouterr().err.strip()

@@ -139,6 +139,14 @@ def random_scene(rng: np.random.Generator) -> Raw:
         if rng.random() < 0.7:
             where[1] += some(rng, 1.0, 3000.0) if rng.random() < 0.5 else 0.0
             raw["meshes"] = [{**HOUSE, **SHADOW, "position": where}]
+    if rng.random() < 0.5:
+        threshold = 0.0 if rng.random() < 0.3 else some(rng, 1e-3, 100.0)
+        strength = keyed(rng, some(rng, 1e-4, 1.0), 0.0)
+        radius = some(rng, 0.01, 0.5)
+        picture["bloom"] = {"strength": strength, "threshold": threshold, "radius": radius}
+    if rng.random() < 0.25:
+        centre = rng.uniform(0, 1, 2).tolist()
+        picture["radial_blur"] = {"strength": some(rng, 1e-3, 0.5), "centre": centre}
     return raw
 
 
@@ -152,6 +160,8 @@ def everything(raw: Raw) -> Raw:
         "environment": any(each["type"] == "environment" for each in raw["lights"]),
         "sky": "sky" in raw["picture"],
         "fog": "fog" in raw["picture"],
+        "bloom": "bloom" in raw["picture"],
+        "radial_blur": "radial_blur" in raw["picture"],
         "depth_of_field": "lens" in raw["camera"],
         # Without meshes the ground has a blur of its own instead
         "defocus": "lens" in raw["camera"] and "meshes" in raw,
@@ -254,8 +264,9 @@ def test_what_is_left_out_changes_no_pixel_by_more_than_its_bound(drawing: Draw)
         lamps += len(planned.lights)
         dropped += sum(not each.kept for each in planned.lights)
         bounds.append(planned.left_out)
-        # Layers of half floats that may round another way: opaque, fog, lens, and each sprite
-        layers = 4 + planned.sprites if planned.left_out > 0 else 0
+        # Layers of half floats that may round another way: opaque, fog, lens, streaks, bloom there
+        # and back on its levels, and each sprite
+        layers = 11 + planned.sprites if planned.left_out > 0 else 0
         most = np.ceil(planned.left_out + layers * HALF_FLOAT)
         for (picture, ms), (wanted, all_ms) in zip(pictures, truth, strict=True):
             difference = float(np.abs(picture - wanted).max())

@@ -8,12 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bake import reference
+from assets.voxels import vox_file
+from bake import reference, reference_cubes
 from bake.reference_film import develop
 from formats import scene as scenes
 from formats.files import exr, image
+from pipelines import bake_cubes
 from pipelines.cli import run
 from pipelines.render_scene import trace_scene
+from tests.bake import reference_scenes, small_meshes
 
 BARE = """
 format = 1
@@ -34,7 +37,7 @@ scale = 30.0
 [picture]
 sky = { zenith = [0.1, 0.2, 0.5], horizon = [0.6, 0.6, 0.6], glow = [0.4, 0.2, 0.1] }
 fog = { extinction = 0.02, radiance = [0.5, 0.4, 0.5], falloff = 0.3 }
-film = { exposure = 0.5, vignette = 0.7 }
+film = { exposure = 0.5, vignette = 0.7, grain = 4.0 }
 """
 
 
@@ -113,3 +116,89 @@ def test_ground_sky_fog_and_film_are_those_of_the_player(bare: Path, tmp_path: P
     # A pixel is one point to the player and an area here: that shows at the horizon and in the glow
     assert np.quantile(shown, 0.95) <= 2
     assert shown.mean() < 1
+
+
+CUBES = """
+format = 1
+[camera]
+position = [0.3, 1.5, 1.8]
+target = [0.1, 0.2, 0.0]
+focal_length_mm = 40
+[voxels]
+source = "world.vox"
+cell_size = 0.25
+texels = 2
+bounces = 5
+error = 0.02
+emissive = { "#000000" = [4.0, 3.0, 2.0] }
+[picture.film]
+"""
+
+
+@pytest.fixture
+def cubes(tmp_path: Path) -> Path:
+    """A grey floor with a wall and a post that glows."""
+    cells = np.zeros((3, 8, 8), np.uint8)
+    cells[0] = cells[:, -1] = 1
+    cells[1:3, 3, 5] = 2
+    vox_file.write(tmp_path / "world.vox", [vox_file.Part(cells)], {1: "#c0c0c0", 2: "#000000"})
+    path = tmp_path / "cubes.toml"
+    path.write_text(CUBES)
+    return path
+
+
+@pytest.mark.parametrize("source", ["world.vox", "ball.glb"])
+def test_cubes_are_those_of_the_bake(cubes: Path, tmp_path: Path, source: str) -> None:
+    reference_scenes.write_mesh(tmp_path, "ball", small_meshes.sphere(8, 16))
+    text = CUBES.replace("world.vox", source)
+    if source == "ball.glb":
+        text = text.replace("emissive = {", "grid = 9 #")
+    cubes.write_text(text)
+    world = scenes.load(cubes, tmp_path).voxels
+    assert world is not None
+    sprite = bake_cubes.cells(world, "world")
+    (step,) = sprite.steps
+    baked = step.stage(sprite.source.load(), params=step.params)
+    traced = reference_cubes.at(world, 0.0)
+    for name in ("cells", "albedo", "emission", "cell_size"):
+        assert np.array_equal(getattr(traced, name), getattr(baked, name)), name
+
+
+def test_light_goes_on_as_often_as_cubes_ask(
+    cubes: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, render = [], reference.render
+    monkeypatch.setattr(
+        reference, "render", lambda *a, **k: asked.append(k["params"]) or render(*a, **k)
+    )
+    trace_scene(cubes, tmp_path / "x.exr", size="4x4", samples=2, root=tmp_path)
+    cubes.write_text(CUBES.replace("bounces = 5", "bounces = 0"))
+    trace_scene(cubes, tmp_path / "x.exr", size="4x4", samples=2, root=tmp_path)
+    assert [params.bounces for params in asked] == [5, 2]
+
+
+@pytest.mark.gpu
+def test_cubes_are_as_bright_as_in_the_player(cubes: Path, tmp_path: Path) -> None:
+    from pipelines.bake_scene import bake_scene
+    from runtime.player import Player
+
+    folder = bake_scene(cubes, root=tmp_path, build_folder=tmp_path / "build").folder
+    player = Player(folder, size=(32, 20))
+    try:
+        played = player.linear(0.0)[..., :3]
+    finally:
+        player.close()
+    job = trace_scene(cubes, tmp_path / "x.exr", size="32x20", samples=64, root=tmp_path)
+    parts = exr.read(job.files[0])
+    traced, error = parts["beauty"], parts["error"]
+    # The post is as bright in both, but its edges are smooth in one: keep a pixel away from it
+    post = np.pad(np.maximum(played, traced).max(axis=-1) > 1.5, 1)
+    near = [np.roll(post, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+    lit = ~np.any(near, axis=0)[1:-1, 1:-1]
+    assert 0.8 < lit.mean() < 0.95
+    mean = traced[lit].mean(axis=0)
+    share = played[lit].mean(axis=0) / mean
+    bar = np.sqrt((error[lit] ** 2).mean(axis=0) / lit.sum()) / mean
+    # Baked light is within 2 % RMS of each texel, and a dozen or more are averaged
+    assert np.abs(share - 1).max() < 0.006 + 4 * bar.max()
+    assert bar.max() < 0.01

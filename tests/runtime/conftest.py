@@ -11,10 +11,12 @@ import pytest
 from formats import seal
 from formats.billboard import Billboard, Ring
 from formats.environment import Environment
+from formats.lightmap import Lightmap
 from formats.mesh import Material, Mesh
 from formats.occlusion import Occlusion
 from formats.plan import FRAME
 from formats.transfer import Transfer
+from formats.voxels import Voxels
 from maths import sprite_packing
 
 
@@ -146,6 +148,7 @@ def write_scene(tmp_path):
 
     def write(raw, assets, *, called=None, environment=None, name="scene"):
         folder = tmp_path / name
+        called = called_for(raw) if called is None else called
         (folder / "assets").mkdir(parents=True)
         where = {}
         for asset_name, asset in assets.items():
@@ -155,6 +158,11 @@ def write_scene(tmp_path):
             seal.seal(place)
             kind = "mesh" if isinstance(asset, Mesh) else "billboard"
             kind = "transfer" if isinstance(asset, Transfer) else kind
+            kind = "voxels" if isinstance(asset, Voxels) else kind
+            if isinstance(asset, Lightmap):
+                # Of the scene's one world: its faces alone where light is gathered
+                kind = "faces" if "gather" in called else "lightmap"
+                asset_name = "world"
             if isinstance(asset, Occlusion):
                 # Of the mesh of that name: shadow-ball is of ball
                 kind, asset_name = "occlusion", asset_name.removeprefix("shadow-")
@@ -166,8 +174,6 @@ def write_scene(tmp_path):
             seal.seal(place)
             index = [light["type"] for light in raw["lights"]].index("environment")
             where[f"environment/{index}"] = "assets/environment0"
-        if called is None:
-            called = called_for(raw)
         effects = [{"name": n, "called": n in called, "reason": ""} for n in FRAME]
         manifest = {
             "format": 1,
@@ -186,7 +192,13 @@ def write_scene(tmp_path):
 def called_for(raw):
     """What the plan would call for, by the tables alone."""
     picture = raw.get("picture", {})
+    cubes, taking = raw.get("voxels"), [m for m in raw.get("meshes", []) if takes_harmonics(m)]
+    moves = cubes is not None and bool(cubes.get("lamps") or cubes.get("bodies"))
     wanted = {
+        "lightmap": cubes is not None and not moves,
+        "gather": moves,
+        "probe": cubes is not None and bool(taking),
+        "voxels": cubes is not None,
         "environment": any(light["type"] == "environment" for light in raw.get("lights", [])),
         "surface": any(m.get("lighting") != "transfer" for m in raw.get("meshes", [])),
         "transfer": any(m.get("lighting") == "transfer" for m in raw.get("meshes", [])),
@@ -194,12 +206,18 @@ def called_for(raw):
         "sky": "sky" in picture,
         "occlusion": any("shadow" in mesh for mesh in raw.get("meshes", [])),
         "fog": "fog" in picture,
-        "defocus": bool(raw.get("meshes")) and "lens" in raw["camera"],
+        "defocus": bool(raw.get("meshes") or cubes) and "lens" in raw["camera"],
         "billboard": bool(raw.get("billboards")),
         "depth_of_field": "lens" in raw["camera"],
+        "radial_blur": "radial_blur" in picture,
+        "bloom": "bloom" in picture,
         "film": True,
     }
     return tuple(name for name in FRAME if wanted[name])
+
+
+def takes_harmonics(mesh):
+    return "shadow" in mesh or mesh.get("lighting") == "transfer"
 
 
 SUN, IRRADIANCE = (0.5, 0.6, 0.7), (3.0, 3.0, 3.0)

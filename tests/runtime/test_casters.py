@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from formats.meshes import PlacedMesh, Shadow
+from formats.occlusion import decode
 from maths import spherical_lights as sl
-from maths.occlusion_shadow import outside
+from maths.occlusion_shadow import receiver_lobe
 from maths.spherical_rotation import rotate
 from maths.transforms import rotation
 from runtime import casters
 from runtime.lighting import (
     Lights,
 )
-from tests.runtime.shadow_truth import ball_volume, looked_up, small_box
+from tests.runtime.shadow_truth import ball_volume, bands_volume, received, slots_at, small_box
 
 SQUARE = np.array([[-1.0, 3, -1], [-1, 3, 1], [1, 3, 1], [1, 3, -1]])
 RED, BLUE = np.array([3.0, 1, 0.5]), np.array([0.2, 0.4, 2.0])
@@ -71,6 +72,52 @@ def test_weights_make_of_stored_values_the_share_hidden(caster, coloured, depth)
         np.testing.assert_allclose(found[end], expected, atol=2e-6)
 
 
+@pytest.mark.parametrize("coloured", [True, False])
+def test_weights_of_a_receiver_make_of_stored_values_what_its_normal_loses(caster, coloured):
+    asset = ball_volume(small_box(), grid=4, l_max=3)
+    made = caster(asset, coloured=coloured, receiver_normal=True)
+    rng = np.random.default_rng(4)
+    light = rng.normal(size=(2, 49, 3))
+    light[:, 0] = np.abs(light[:, 0]) + 3
+    n = rng.normal(size=(7, 3))
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    assert made.l_max == 5
+    weights, faced = made.receiver_weights(light, 0.0)
+    slots = np.moveaxis(decode(asset.volumes), 0, 3).reshape(4**3, -1)
+    hidden = np.einsum("vk,ecjk,nj->evnc", slots, weights, receiver_lobe(n))
+    facing = np.einsum("ejc,nj->enc", faced, receiver_lobe(n))
+    terms = asset.decoded().reshape(4**3, -1) @ asset.basis
+    turn = made.placed.world_from_mesh(0.0)[:3, :3] / 1.5
+    for end in range(2):
+        L = rotate(light[end, :36], turn.T)
+        L = L if coloured else L @ np.array([[0.2126], [0.7152], [0.0722]])
+        for voxel in range(0, 64, 9):
+            stored = np.repeat(terms[voxel][None], 7, axis=0)
+            lost, whole = received(stored, L, n @ turn)
+            # float32 of the decoded values
+            np.testing.assert_allclose(hidden[end, voxel], lost, atol=3e-6)
+            np.testing.assert_allclose(facing[end], whole, atol=1e-12)
+    # Without a normal it is the share of all light
+    np.testing.assert_allclose(
+        weights[:, :, 0], made.weights(light, 0.0) / 4 * np.sqrt(4 * np.pi), rtol=1e-10, atol=1e-12
+    )
+
+
+def test_a_machine_of_few_uniforms_takes_few_numbers_of_a_receiver(caster):
+    from formats.errors import InputError
+
+    def check(limit, l_max, **shadow):
+        ctx = SimpleNamespace(info={"GL_MAX_FRAGMENT_UNIFORM_COMPONENTS": limit})
+        made = caster(ball_volume(small_box(), grid=4, l_max=l_max), **shadow)
+        casters.check_uniforms(SimpleNamespace(ctx=ctx), made.asset, made.placed)
+
+    # Four textures, three channels: what every card has to take
+    check(1024, 3)
+    check(1024, 5, coloured=False)
+    with pytest.raises(InputError, match="lower components, or write coloured = false"):
+        check(1024, 4)
+
+
 def test_where_no_light_is_nothing_is_hidden(caster):
     made = caster(ball_volume(small_box(), grid=4))
     light = np.zeros((2, 9, 3))
@@ -81,8 +128,11 @@ def test_where_no_light_is_nothing_is_hidden(caster):
 
 
 @pytest.mark.parametrize("coloured", [True, False])
-def test_nothing_is_hidden_beyond_the_reach(caster, coloured):
+@pytest.mark.parametrize("grids", [1, 2])
+def test_nothing_is_hidden_beyond_the_reach(caster, coloured, grids):
     asset = ball_volume(small_box(), grid=8, l_max=3)
+    if grids == 2:
+        asset = bands_volume(small_box(), l_max=3)
     made = caster(asset, coloured=coloured)
     rng, least, most = np.random.default_rng(2), 0.02, 0.0
     towards = np.array([0.3, 1.0, 0.2])
@@ -93,12 +143,7 @@ def test_nothing_is_hidden_beyond_the_reach(caster, coloured):
     d = rng.normal(size=(4000, 3))
     x = d / np.linalg.norm(d, axis=1, keepdims=True) * reach * rng.uniform(1, 1.2, (4000, 1))
     p = x / made.extent
-    stored = np.moveaxis(asset.decoded(), 3, 0)
-    slots = np.zeros((*stored.shape[1:], weights.shape[-1]))
-    slots[..., : len(stored)] = np.moveaxis(
-        stored / asset.scales[: len(stored), None, None, None], 0, 3
-    )
-    values = looked_up(slots, 0.5 + 0.5 * p / outside(p)[:, None])
+    values = slots_at(asset, p)
     from maths.occlusion_shadow import occlusion_falloff
 
     hidden = (
@@ -108,6 +153,20 @@ def test_nothing_is_hidden_beyond_the_reach(caster, coloured):
     assert most <= least
     # Taken as far out as a corner the bound is loose, but not by ten
     assert most > 0.1 * least
+
+
+def test_the_edge_bounds_every_lookup_there():
+    """Whatever weighs the values: between the middles of both grids they are linear."""
+    asset = bands_volume(small_box(), l_max=3)
+    edge, _ = casters._edge(asset)
+    rng = np.random.default_rng(6)
+    p = rng.uniform(-1, 1, (4000, 3))
+    p /= np.abs(p).max(axis=1, keepdims=True)
+    weights = rng.normal(size=(edge.shape[1], 50))
+    found, bound = slots_at(asset, p) @ weights, edge @ weights
+    # float32 lookups of sixteen values up to one
+    assert np.all(found.max(axis=0) <= bound.max(axis=0) + 2e-5)
+    assert np.all(found.max(axis=0) > bound.max(axis=0) * 0.8)
 
 
 def test_a_shadow_that_does_not_thin_has_no_end(caster):
@@ -130,5 +189,5 @@ def test_a_volume_too_large_for_the_card_is_told():
     from formats.errors import InputError
 
     ctx = SimpleNamespace(info={"GL_MAX_3D_TEXTURE_SIZE": 8})
-    with pytest.raises(InputError, match="lower grid or components"):
-        casters.texture(SimpleNamespace(ctx=ctx), ball_volume(small_box(), grid=4), "bust")
+    with pytest.raises(InputError, match="lower grid, size or components"):
+        casters.textures(SimpleNamespace(ctx=ctx), ball_volume(small_box(), grid=4), "bust")

@@ -52,6 +52,35 @@ def test_the_sum_is_that_of_the_parts(rng: np.random.Generator) -> None:
         np.testing.assert_allclose(got, total, atol=1e-12 + allowed)
 
 
+def test_near_lights_are_as_precise_as_far_ones(rng: np.random.Generator) -> None:
+    """Lights from a tenth of their size away to a hundred times it, some of five corners."""
+    n = 40
+    axis = transforms.normalise(rng.normal(size=(n, 3)))
+    away = POINTS[0] - axis * 10 ** rng.uniform(-1.5, 1.5, (n, 1))
+    discs = tuple(DiscState(c, a, 0.3, np.ones(3), False) for c, a in zip(away, axis, strict=True))
+    turn = 2 * np.pi * np.arange(5) / 5
+    ring = 0.3 * np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    corners = [c + ring[:, [1, 2, 0]] for c in away] + [c + ring[:4] for c in away]
+    polygons = tuple(PolygonState(c, np.ones(3), True) for c in corners)
+    project = LightsAtPoints({}, 4).project
+    for light in (*discs, *polygons):
+        which = {"discs": (light,)} if isinstance(light, DiscState) else {"polygons": (light,)}
+        found = project(Lights((), (), (), **which), POINTS[:1])[0]
+        if isinstance(light, DiscState):
+            place = POINTS[0], light.position, light.axis, light.radius, np.ones(3), 4
+            truth = spherical_lights.project_disc(*place)
+            middle, area = light.position, np.pi * 0.09
+        else:
+            truth = spherical_lights.project_polygon(
+                POINTS[0], light.corners, np.ones(3), 4, two_sided=True
+            )
+            middle, area = light.corners.mean(axis=0), 0.3
+        error = np.abs(found - truth).max()
+        # Of a light beside the point distance is that of nothing: a whole sphere is the most
+        assert error < PRECISION * min(area / np.sum(middle**2), 4 * np.pi) + 1e-12
+        assert truth.any() == found.any()
+
+
 def test_environments_turn_as_the_scene_turns_them() -> None:
     """A map whose only bright texel stands at -z, turned by a quarter about +y: it comes to -x."""
     radiance = np.zeros((16, 32, 3))

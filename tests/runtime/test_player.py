@@ -11,10 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bake import voxel_faces
 from formats import seal
 from formats.errors import DamagedError, InputError
+from formats.lightmap import Lightmap
 from formats.mesh import Material
 from formats.transfer import Layout, Transfer
+from formats.voxel_world import MODES
+from formats.voxels import Voxels
 from runtime.passes import fog
 from runtime.player import Player
 from runtime.shader import Programs, compose
@@ -28,6 +32,8 @@ FULL = {
     "picture": {
         "sky": {"zenith": [0.1, 0.2, 0.4], "horizon": [0.9, 0.6, 0.4], "glow": [1, 1, 1]},
         "fog": {"extinction": 0.01, "radiance": [0.5, 0.5, 0.5]},
+        "radial_blur": {"strength": 0.2},
+        "bloom": {"strength": 0.2},
     },
 }
 LENS = {"f_number": 1.4, "focus_distance": 4.0}
@@ -85,13 +91,15 @@ def test_a_scene_without_effects_imports_compiles_and_allocates_none_of_them(kit
     full = probe(write_scene(full_scene(kit), assets, environment=EVEN, name="full"))
     assert bare["modules"] == bare["passes"] == ["billboard", "film"]
     assert sorted(full["passes"]) == full["modules"]
-    added = {"environment", "ground", "sky", "fog", "depth_of_field"}
+    added = {"environment", "ground", "sky", "fog", "depth_of_field", "radial_blur", "bloom"}
     assert set(full["modules"]) - set(bare["modules"]) == added
-    # ground: plane, shadow, contact; sky; fog. Lens and map compile into programs that exist
-    assert full["programs"] - bare["programs"] == 5
-    # ground: its target of shadows. Nothing else needs a texture of its own
-    assert full["textures"] - bare["textures"] == 1
-    assert full["bytes"] - bare["bytes"] == 96 * 54 * 8
+    # ground: plane, shadow, contact; sky; fog; blur; bloom: down and up. Lens and map compile into
+    # programs that exist
+    assert full["programs"] - bare["programs"] == 8
+    # ground: its target of shadows; blur: a copy; bloom: three levels. Nothing else has its own
+    assert full["textures"] - bare["textures"] == 5
+    levels = 48 * 27 + 24 * 14 + 12 * 7
+    assert full["bytes"] - bare["bytes"] == (2 * 96 * 54 + levels) * 8
     assert full["heavy"] == bare["heavy"] == []
     assert full["domes"] == bare["domes"] == []
 
@@ -120,6 +128,9 @@ def test_a_dome_adds_its_own_modules_and_one_program(kit, write_scene):
         ("sky", 1, 0),
         ("depth_of_field", 0, 0),
         ("ground", 3, 1),
+        ("radial_blur", 1, 1),
+        # Levels of 16 x 9 and 8 x 5
+        ("bloom", 2, 2),
     ],
 )
 def test_leaving_one_effect_out_saves_exactly_its_own(
@@ -261,7 +272,7 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
         {"type": "disc", "radius": 0.1, **near},
         {"type": "rectangle", "size": [1, 1], **near},
     ]
-    scenes["full"]["picture"]["film"] = {"tonemap": "linear"}
+    scenes["full"]["picture"]["film"] = {"tonemap": "linear", "grain": 2.0}
     # A mesh with a texture and colours, and a pass that reads all about it
     scenes["full"]["meshes"] = [
         {"name": "wall", "source": "meshes/wall.glb", "shadow": {}},
@@ -286,6 +297,24 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
             folder = write_scene(raw, assets, environment=environment, name=f"{name}{terms}")
             with Player(folder, size=(8, 8), context=ctx) as player:
                 player.frame(0.0)
+    # Cubes, one of which glows, a lamp and a part that moves, by every way to follow rays
+    cells = np.uint16([[[1, 1], [2, 0]]])
+    grey = np.float32([[0] * 3, [0.5] * 3, [0.5] * 3])
+    world = Voxels(cells, grey, np.float32([[0] * 3, [0] * 3, [1] * 3]), 0.5)
+    lamp = {"position": [0, 1, 0], "radiance": [1, 1, 1]}
+    way = {"times": [0, 1], "values": [[0, 0.5, 0], [1, 0.5, 0]]}
+    part = {"name": "part", "source": "b.vox", "position": way}
+    table = {"source": "a.vox", "cell_size": 0.5, "error": 1.0, "lamps": [lamp], "bodies": [part]}
+    # The grid has room for the lamp: three cells high
+    faces = voxel_faces.layout(np.pad(cells, ((0, 0), (0, 1), (0, 0))), texels=1, cell_size=0.5)
+    dark = np.zeros((*faces.size[::-1], 3), np.float32)
+    for mode in MODES:
+        raw = {**scenes["full"], "voxels": {**table, "mode": mode}}
+        light = Lightmap(dark, dark, faces)
+        given = {**assets, "world": world, "part": world, "light": light}
+        folder = write_scene(raw, given, environment=EVEN, name=f"cubes-{mode}")
+        with Player(folder, size=(8, 8), context=ctx) as player:
+            player.frame(0.0)
     Player(
         write_scene(kit.scene_dict(), {"ball": domes.matt_ball(size=16)}, name="dome"),
         size=(8, 8),

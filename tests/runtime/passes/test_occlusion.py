@@ -7,11 +7,12 @@ import pytest
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from formats.mesh import Material
+from formats.scene import NEAR
 from maths import spherical_lights as sl
 from runtime.camera import Camera
 from runtime.passes.occlusion import LEAST, window
 from runtime.player import Player
-from tests.runtime.shadow_truth import ball_volume, seen, small_box
+from tests.runtime.shadow_truth import ball_volume, bands_volume, seen, small_box
 
 pytestmark = pytest.mark.gpu
 SIZE = (64, 40)
@@ -48,6 +49,18 @@ def played(kit, write_scene, ctx):
 def described(kit, meshes, **more):
     more = {"lights": [SUN, *BALLS], "camera": CAMERA, **more}
     return kit.scene_dict(billboards=None, meshes=meshes, **more)
+
+
+def seen_at(player):
+    """World points (h, w, 3) of what pixels show, as the pass finds them: by one sample's depth."""
+    camera = Camera.of_scene(player.scene, 0.0)
+    (width, height), depth = SIZE, player.targets.texture("depth").read(alignment=1)
+    z = np.frombuffer(depth, np.float32).reshape(height, width)[::-1, :, None].astype(np.float64)
+    x = 2 * (np.arange(width) + 0.5) / width - 1
+    y = 1 - 2 * (np.arange(height) + 0.5) / height
+    screen = np.stack([*np.meshgrid(x, y), np.ones((height, width))], axis=-1)
+    rays = screen @ camera.world_from_ray(width / height).T
+    return camera.position + rays * (NEAR / np.maximum(1 - z, 1e-9))
 
 
 def on_ground(player):
@@ -109,6 +122,65 @@ def test_the_shadow_on_the_ground_is_that_of_numpy(kit, played, shadow, depth, l
     assert error[near].max() < 0.5 / 255
 
 
+@pytest.mark.parametrize("shadow", [{}, {"coloured": False}, {"falloff": False}])
+@pytest.mark.parametrize(("l_max", "depth"), [(2, 8), (7, 8), (3, 16)])
+def test_two_grids_finer_in_the_middle_are_those_of_numpy(kit, played, shadow, l_max, depth):
+    volume = bands_volume(small_box(), l_max, radius=0.9, depth=depth)
+    raw = described(kit, [thing(shadow=shadow)], ground={"albedo": [0.8, 0.8, 0.8]})
+    assets = {"thing": kit.quad(), "shadow-thing": volume}
+    dark = played(raw, assets, "surface")
+    found = dark.linear(0.0)[..., :3]
+    bright = played(raw, assets, "surface", "occlusion").linear(0.0)[..., :3]
+    points, shown = on_ground(dark)
+    expected = seen(volume, dark.scene.meshes[0], all_lights(dark, l_max), points)
+    error = np.abs(found[shown] / bright[shown] - expected)
+    assert expected.min() < 0.7
+    # As on one grid
+    assert error.max() < 2 * 2.0**-11 + LEAST
+    near = expected.min(axis=1) < 1 - 2 * LEAST
+    assert near.sum() > 100
+    assert error[near].max() < 0.5 / 255
+
+
+@pytest.mark.parametrize("shadow", [{}, {"coloured": False}, {"falloff": False}])
+@pytest.mark.parametrize("on", ["ground", "over a card", "card"])
+def test_a_receiver_loses_of_what_its_normal_faces(kit, played, shadow, on):
+    """The ground alone, the ground over a card that lies deep under it, a tilted card."""
+    volume = ball_volume(small_box(), l_max=3, radius=0.9)
+    raw = described(kit, [thing(shadow={**shadow, "receiver_normal": True})])
+    turn, position = ([10, 25, 5], [0, 0, -1.5]) if on == "card" else ([-60, 20, 0], [0, -8, -3])
+    card = {"name": "card", "source": "meshes/card.glb", "rotation": turn, "position": position}
+    assets = {"thing": kit.quad(), "card": kit.quad(half=5), "shadow-thing": volume}
+    off = ("surface",) if on == "ground" else ()
+    if not off:
+        raw["meshes"].append(card)
+    if on != "card":
+        raw["ground"] = {"albedo": [0.8, 0.8, 0.8]}
+    dark, bright = played(raw, assets, *off), played(raw, assets, *off, "occlusion")
+    assert dark.passes["occlusion"].reads == ("depth", *(() if off else ("id", "normal")))
+    found, lit = (each.linear(0.0)[..., :3] for each in (dark, bright))
+    normal, mesh = np.array([0.0, 1.0, 0.0]), np.full(SIZE[::-1], 2)
+    if on == "card":
+        normal = dark.scene.meshes[1].world_from_mesh(0.0)[:3, 2]
+    if not off:
+        mesh = numbers(dark)
+        assert (mesh == 2).sum() > 300
+    # Off the edges of the caster, which stands before all, and of the card where it is seen
+    wanted = mesh == 2 if on == "card" else mesh != 1
+    plain = minimum_filter(wanted, 3) & (lit.min(axis=-1) > 0.02)
+    at = seen_at(dark)[plain]
+    normals = np.repeat(normal[None], len(at), axis=0)
+    placed = dark.scene.meshes[0]
+    expected = seen(volume, placed, all_lights(dark, 5), at, normals=normals)
+    without = seen(volume, placed, all_lights(dark, 3), at)
+    assert len(at) > 1000
+    assert np.abs(expected - without).max() > 0.02
+    assert expected.min() < 0.85
+    # Two half floats of 2^-12 each, a card's normal of as many bits over a thirtieth or more, and
+    # what is left out where the shadow ends: measured .25 / 255
+    assert np.abs(found[plain] / lit[plain] - expected).max() < 0.5 / 255
+
+
 def test_samples_of_an_edge_are_darkened_where_they_are_no_sky(kit, played):
     """A caster all around takes all light: what is left is the sky's share of each pixel."""
     volume = ball_volume(small_box((4.0, 4.0, 4.0), (0.0, 0.0, 0.0)), l_max=0)
@@ -132,6 +204,24 @@ def test_samples_of_an_edge_are_darkened_where_they_are_no_sky(kit, played):
     np.testing.assert_array_equal(found, expected)
     edges = (found[..., 2] > 0.01) & (found[..., 2] < 0.65)
     assert edges.sum() > 10
+
+
+def test_samples_of_an_edge_take_the_shadow_of_their_own_surface(kit, played):
+    """A caster takes all light but its own: what lies behind its edges is black in each sample."""
+    # The wall lies outside the caster's own box
+    volume = ball_volume(small_box((1.4, 1.4, 1.4), (0.0, 0.0, 0.0)), l_max=0)
+    volume.volumes[:] = 255
+    volume.scales[:] = 20.0
+    wall = {"name": "wall", "source": "meshes/wall.glb", "position": [0, 0, -2]}
+    raw = described(kit, [thing(rotation=[0, 0, 20], shadow={"falloff": False}), wall])
+    assets = {"thing": kit.quad(), "wall": kit.quad(half=9), "shadow-thing": volume}
+    found = played(raw, assets).linear(0.0)[..., :3]
+    painted = {**assets, "wall": kit.quad(BLACK, half=9)}
+    expected = played(raw, painted, "occlusion").linear(0.0)[..., :3]
+    lit = expected.max()
+    edges = (expected.max(axis=-1) > 0.05 * lit) & (expected.max(axis=-1) < 0.7 * lit)
+    assert edges.sum() > 20
+    np.testing.assert_array_equal(found, expected)
 
 
 def numbers(player):

@@ -1,0 +1,123 @@
+"""What studies of light among cubes share: worlds, gathers on the card, their price and error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+from time import process_time
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bake import lightmap, voxels
+from formats.files import vox
+from formats.lightmap import Faces, Lightmap
+from formats.voxels import Voxels
+from runtime.capture import make_context
+from runtime.gather import Gather, Knobs
+from runtime.shader import Programs
+from runtime.voxel_world import VoxelVolume
+
+Key = TypeVar("Key")
+Float = NDArray[np.float32]
+
+COURTYARD = Path(__file__).resolve().parents[2] / "assets" / "voxels" / "courtyard.vox"
+GLOW = ("8", (21.0, 9.4, 2.7))
+"""Palette index of the far side of the chamber, and what it sends out, W/(m2 sr)."""
+NOOK = (slice(12, 28), slice(0, 12), slice(42, 60))
+"""Cells (z, y, x) of the courtyard with the doorway, and half of the chamber behind it."""
+
+
+@lru_cache(maxsize=1)
+def courtyard() -> Voxels:
+    """Return the world of the scene `cubeworld`, 60 x 24 x 46 cells; its chamber glows."""
+    return voxels.from_vox(vox.read(COURTYARD), params=voxels.Params(0.25, emissive=(GLOW,)))
+
+
+def nook() -> Voxels:
+    """Return a part of the courtyard, 18 x 12 x 16 cells, that lies open where it was cut."""
+    whole = courtyard()
+    return replace(whole, cells=np.ascontiguousarray(whole.cells[NOOK]))
+
+
+class Card:
+    """A context and its programs; gathers made by it are freed with it."""
+
+    def __init__(self) -> None:
+        self.ctx = make_context()
+        self._programs = Programs(self.ctx)
+        self._made: list[Any] = []
+
+    def volume(self, world: Voxels, **knobs: Any) -> VoxelVolume:
+        """Return a volume; knobs : of VoxelVolume."""
+        self._made.append(VoxelVolume(self.ctx, world, **knobs))
+        return self._made[-1]
+
+    def gather(
+        self, world: Voxels, faces: Faces, *, storage: str = "rgba8", **knobs: Any
+    ) -> Gather:
+        """Return a gather that never ends by itself; knobs : of `runtime.gather`."""
+        volume = self.volume(world, storage=storage, gaps=knobs.get("mode") == "sphere")
+        knobs = {"error": 0.0, **knobs}
+        made = Gather(self.ctx, self._programs, volume, faces, knobs=Knobs(**knobs))
+        self._made.append(made)
+        return made
+
+    def seconds(self, gather: Gather, passes: int) -> float:
+        """Add passes; return processor seconds of all threads: software draws with those."""
+        self.ctx.finish()
+        started = process_time()
+        gather.step(passes)
+        self.ctx.finish()
+        return process_time() - started
+
+    def best(self, gathers: Mapping[Key, Gather], passes: int, rounds: int) -> dict[Key, float]:
+        """Return milliseconds a pass of each, the best of so many rounds in turn."""
+        # The first passes compile
+        for gather in gathers.values():
+            self.seconds(gather, 2)
+        found = dict.fromkeys(gathers, np.inf)
+        for number in range(rounds):
+            order = list(gathers) if number % 2 else list(gathers)[::-1]
+            for key in order:
+                spent = 1e3 * self.seconds(gathers[key], passes) / passes
+                found[key] = min(found[key], spent)
+        return found
+
+    def release(self) -> None:
+        """Free everything."""
+        for made in reversed(self._made):
+            made.release()
+        self.ctx.release()
+
+
+@contextmanager
+def card() -> Iterator[Card]:
+    """Give a context for a study."""
+    made = Card()
+    try:
+        with made.ctx:
+            yield made
+    finally:
+        made.release()
+
+
+def traced(world: Voxels, faces: Faces, rays: int, bounces: int = -1) -> Lightmap:
+    """Return the light by so many rays of Embree a texel, and as many to what glows."""
+    params = lightmap.Params(texels=faces.texels, rays=rays, bounces=bounces, target=0.0)
+    return lightmap.gather(world, faces, params=params)
+
+
+def error_of(found: Float, truth: Float, used: NDArray[np.bool_]) -> float:
+    """Return the error of irradiance (h, w, 3), RMS over texels over the RMS of the truth."""
+    apart = np.asarray(found[used], np.float64) - truth[used]
+    return float(np.sqrt(np.mean(apart**2) / np.mean(np.square(truth[used], dtype=np.float64))))
+
+
+def slope(passes: list[int], errors: list[float]) -> float:
+    """Return the exponent of errors over passes, by least squares of logarithms."""
+    return float(np.polyfit(np.log(passes), np.log(errors), 1)[0])

@@ -1,0 +1,287 @@
+"""How should an occlusion volume be encoded: error of the shadow against bytes, lookups, seconds?
+
+Far round lights of 10, 20, 30 and 45 degrees at random places, the share of each that is seen,
+clamped to 0..1; RMS error over points outside the solid: anywhere in the volume, and in the middles
+of 32^3 voxels, where an encoding of that very grid need not interpolate and a fit to it is at its
+best. The truth is 4,096 rays a point of their own, turned otherwise than those of the bake. First
+encodings of one traced volume of 32^3, then one knob at a time of the two that are shipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bake import compress, occlusion, occlusion_inside, occlusion_proof
+from bake.rays import RayScene
+from formats.mesh import Mesh
+from formats.occlusion import Occlusion, OcclusionHarmonics
+from maths import bc7, spherical_harmonics
+from maths.occlusion_shadow import occlusion_place
+from maths.principal_components import principal_components
+from maths.trilinear import looked_up
+from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.subjects import Setting, processor_seconds
+
+Array = NDArray[np.float64]
+Float = NDArray[np.float32]
+Lookup = Callable[[Array], Float]
+
+GRID, RAYS, L_MAX = 32, 1024, 7
+DEGREES = tuple(round(float(np.degrees(radius))) for radius in occlusion_proof.RADII)
+PLACES = ("anywhere", "voxels")
+TALK = compress.Params()
+
+
+def measure(setting: Setting) -> Answer:
+    """Measure encodings of one volume, then each knob of the shipped ones, on several meshes."""
+    rows: list[Row] = []
+    for name, mesh in setting.meshes("bust", "mushrooms", "knot").items():
+        bench = Bench(name, mesh, truth(mesh, setting.pick(300, 1500), setting.seed))
+        rows += [*table(bench), *front(bench, setting)]
+    ratios = {size: worst(rows, size) for size in (512, 128)}
+    title = "; ".join(
+        f"bands at {size} KiB err at most "
+        + ", ".join(f"{ratio:.2f}" for ratio in found[PLACES[0]].values())
+        + " of the talk's at 512"
+        for size, found in ratios.items()
+    )
+    first = str(rows[0]["subject"])
+    return Answer(
+        question="occlusion_encodings",
+        title=f"{title} (lights of {', '.join(map(str, DEGREES))} degrees)",
+        truth=f"{occlusion_proof.RAYS} rays a point of their own",
+        rows=rows,
+        panels=panels([row for row in rows if row["subject"] == first]),
+        table=[row for row in rows if row["part"] in ("table", "size")],
+        figures={f"bands_{size}": found for size, found in ratios.items()},
+    )
+
+
+@dataclass(frozen=True)
+class Points:
+    """p : (m, 3), where the volume is +-1.  lights, shadow : as in `occlusion_proof.Proof`."""
+
+    p: Array
+    lights: Float
+    shadow: Float
+
+
+def truth(mesh: Mesh, count: int, seed: int) -> dict[str, Points]:
+    """Trace what points outside the solid see, by PLACES."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
+    box, _, _ = occlusion.box_of(vertices)
+    scene = RayScene(vertices, faces)
+    oriented = occlusion_inside.is_oriented(vertices, faces)
+    rng = np.random.default_rng(seed)
+    anywhere = np.asarray(box.centre) + rng.uniform(-2, 2, (2 * count, 3)) * box.half_extent
+    voxels = box.voxel_centres(GRID)[rng.permutation(GRID**3)[: 2 * count]]
+    found = {}
+    for place, points in zip(PLACES, (anywhere, voxels), strict=True):
+        unit = scene.to_unit(points)
+        outside = np.flatnonzero(~occlusion_inside.inside(scene, unit, oriented=oriented))
+        proof = occlusion_proof.trace(scene, unit, outside[:count], count, L_MAX + 1)
+        found[place] = Points(box.to_object(points[proof.voxels]), proof.lights, proof.shadow)
+    return found
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A mesh, its truth, and the volumes traced so far with their seconds."""
+
+    name: str
+    mesh: Mesh
+    truth: dict[str, Points]
+    traced: dict[occlusion.Params, tuple[OcclusionHarmonics, float]] = field(default_factory=dict)
+
+    def trace(self, **knobs: int) -> tuple[OcclusionHarmonics, float]:
+        """Return the volume of those knobs, once, and the processor's seconds of its rays."""
+        params = occlusion.Params(**{"grid": GRID, "rays": RAYS, "l_max": L_MAX, **knobs}, proof=0)
+        if params not in self.traced:
+            self.traced[params] = processor_seconds(occlusion.trace, self.mesh, params=params)
+        return self.traced[params]
+
+    def row(self, part: str, encoding: str, lookup: Lookup, **more: float) -> Row:
+        """Return one measurement; lookup : p (m, 3) to harmonics (m, K)."""
+        found: Row = {"subject": self.name, "part": part, "encoding": encoding, **more}
+        for place, points in self.truth.items():
+            terms = lookup(points.p)
+            hidden = points.lights[..., : terms.shape[1]] @ terms.T
+            error = np.clip(1 - hidden, 0, 1) - points.shadow
+            rms = np.sqrt(np.mean(np.square(error, dtype=np.float64), axis=(1, 2)))
+            found |= {f"{place}_{d}": float(e) for d, e in zip(DEGREES, rms, strict=True)}
+        return found
+
+    def shipped(self, part: str, params: compress.Params, **knobs: int) -> Row:
+        """Return the measurement of what a bake with those knobs ships."""
+        master, seconds = self.trace(**knobs)
+        asset, more = processor_seconds(compress.compress, master, params=params)
+        told = {"grid": len(master.terms), "l_max": master.l_max, "rays": knobs.get("rays", RAYS)}
+        told |= {"numbers": asset.components, "lookups": lookups(asset)}
+        measured = {"kib": asset.nbytes / 1024, "seconds": seconds + more}
+        return self.row(part, params.encoding, asset.terms, **told, **measured)
+
+
+def lookups(asset: Occlusion) -> int:
+    """Return how many textures the pass reads a pixel."""
+    return sum(len(grid) for grid in asset.grids)
+
+
+def table(bench: Bench) -> Iterator[Row]:
+    """Encodings of one volume of 32^3, l_max 7."""
+    master, seconds = bench.trace()
+    terms, outside = master.terms, ~master.inside
+    told = {"grid": GRID, "l_max": L_MAX, "rays": RAYS}
+
+    def row(name: str, stored: Float, numbers: int, bits: float) -> Row:
+        kib = GRID**3 * numbers * bits / 8 / 1024
+        costs = {"numbers": numbers, "lookups": -(-numbers // 4), "kib": kib, "seconds": seconds}
+        return bench.row("table", name, even(stored), **told, **costs)
+
+    for count, K in ((16, 25), (16, 36), (32, 64)):
+        vectors = principal_components(terms[outside][:, :K], count).vectors.astype(np.float32)
+        scores = terms[..., :K] @ vectors.T
+        if count == 16:
+            yield row(f"PCA 16 of {K}, RGBA8", rounded(scores) @ vectors, 16, 8)
+        if K > 25:
+            yield row(f"PCA {count} of {K}, BC7", in_blocks(scores) @ vectors, count, 2)
+    yield row("SH 16, RGBA8", rounded(terms[..., :16]), 16, 8)
+    for K in (36, 64):
+        yield row(f"SH {K}, BC7", in_blocks(terms[..., :K]), K, 2)
+        mixed = np.concatenate([rounded(terms[..., :4]), in_blocks(terms[..., 4:K])], axis=-1)
+        yield row(f"SH 4, RGBA8 + {K - 4}, BC7", mixed, K, (8 * 4 + 2 * (K - 4)) / K)
+        yield row(f"SH {K}, float", terms[..., :K], K, 32)
+    about = zonal(terms[..., :36])
+    yield row("zonal, l <= 5", about, 8, 8)
+    left = terms[..., :25] - about[..., :25]
+    vectors = principal_components(left[outside], 8).vectors.astype(np.float32)
+    rest = np.zeros_like(about)
+    rest[..., :25] = left @ vectors.T @ vectors
+    yield row("zonal + PCA 8 of the rest of 25", about + rest, 16, 8)
+
+
+def front(bench: Bench, setting: Setting) -> Iterator[Row]:
+    """The shipped encodings, one knob at a time: part names the knob."""
+    bands = replace(TALK, encoding="bands")
+    for grid in (16, 32, 64)[: setting.pick(2, 3)]:
+        yield bench.shipped("grid", TALK, grid=grid, l_max=4)
+    for l_max, size in ((3, 32), (4, 64), (5, 128), (6, 256), (7, 512), (8, 1024)):
+        if not setting.quick or size in (128, 512):
+            yield bench.shipped("size", replace(bands, size=size), l_max=l_max)
+    if setting.quick:
+        return
+    for grid in (16, 24, 48, 64):
+        yield bench.shipped("grid", bands, grid=grid)
+    for l_max in range(2, 8):
+        yield bench.shipped("l_max", TALK, l_max=l_max)
+        for size in (128, 512):
+            yield bench.shipped("l_max", replace(bands, size=size), l_max=l_max)
+    for rays in (64, 256, 1024, 4096):
+        yield bench.shipped("rays", TALK, l_max=4, rays=rays)
+        yield bench.shipped("rays", bands, rays=rays)
+
+
+def even(volume: Float) -> Lookup:
+    """Return the lookup of harmonics (n, n, n, K) on an even grid."""
+    return lambda p: looked_up(volume, occlusion_place(p))
+
+
+def codes(values: Float) -> tuple[NDArray[np.uint8], Float]:
+    """Return codes of 8 bits (z, y, x, c) of each component's own range, and the scales (c,)."""
+    scales = np.abs(values).max(axis=(0, 1, 2))
+    shares = values / np.where(scales > 0, scales, 1)
+    return np.asarray(np.rint(shares * 127) + 128, np.uint8), scales
+
+
+def rounded(values: Float) -> Float:
+    """Return what codes of 8 bits of values (z, y, x, c) stand for."""
+    stored, scales = codes(values)
+    return np.asarray((stored.astype(np.float32) - 128) / 127 * scales, np.float32)
+
+
+def in_blocks(values: Float) -> Float:
+    """Return what BC7 in mode 6 makes of values (z, y, x, c), c a multiple of 4."""
+    stored, scales = codes(values)
+    whole = [
+        bc7.decode_volume(bc7.encode_volume(stored[..., a : a + 4]), *values.shape[1:3])
+        for a in range(0, values.shape[3], 4)
+    ]
+    found = np.concatenate(whole, axis=-1).astype(np.float32)
+    return np.asarray((found - 128) / 127 * scales, np.float32)
+
+
+def zonal(terms: Float) -> Float:
+    """Return the part of harmonics (..., K) that is symmetric about their own l = 1 direction."""
+    K = terms.shape[-1]
+    axis = terms[..., [3, 1, 2]].reshape(-1, 3).astype(np.float64)
+    length = np.linalg.norm(axis, axis=1, keepdims=True)
+    axis = np.where(length > 0, axis / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])
+    l_max = spherical_harmonics.l_max_of(K)
+    Y = np.asarray(spherical_harmonics.evaluate(axis, l_max), np.float32).reshape(terms.shape)
+    found = np.empty_like(terms)
+    for band in range(l_max + 1):
+        own = slice(band**2, (band + 1) ** 2)
+        # Sum of squares of a band's Y, whatever the direction
+        along = np.sum(terms[..., own] * Y[..., own], axis=-1) * (4 * np.pi / (2 * band + 1))
+        found[..., own] = along[..., None] * Y[..., own]
+    return found
+
+
+def worst(rows: list[Row], size: int) -> dict[str, dict[str, float]]:
+    """Return the errors of bands of a size over those of the talk's 512 KiB, the worst mesh's."""
+    found: dict[str, dict[str, float]] = {}
+    shipped = [row for row in rows if row["part"] == "grid" and row["encoding"] == "talk"]
+    talk = {row["subject"]: row for row in shipped if row["grid"] == GRID}
+    for place in PLACES:
+        for degrees in DEGREES:
+            name = f"{place}_{degrees}"
+            found.setdefault(place, {})[str(degrees)] = max(
+                float(row[name]) / float(talk[row["subject"]][name])
+                for row in rows
+                if row["part"] == "size" and size / 2 < float(row["kib"]) <= size
+            )
+    return found
+
+
+def panels(rows: list[Row]) -> tuple[Panel, ...]:
+    """Plot the error for lights of 10 and 30 degrees against each price, of one mesh."""
+    y, logarithms = "RMS error of the shadow factor", ("log", "log")
+    rows = [row | {"block": "BC7" if str(row["encoding"]).endswith("BC7") else ""} for row in rows]
+
+    def lines(x: str, **parts: str) -> dict[str, list[tuple[float, float]]]:
+        found: dict[str, list[tuple[float, float]]] = {}
+        for degrees in (10, 30):
+            for name, part in parts.items():
+                points = {
+                    (at, float(row[f"anywhere_{degrees}"]))
+                    for row in rows
+                    if name in (row["encoding"], row["block"]) and row["part"] in part.split()
+                    if (at := nominal(row["kib"]) if x == "kib" else float(row[x]))
+                }
+                if points:
+                    found[f"{name}, {degrees} degrees"] = sorted(points)
+        return found
+
+    sizes = {"talk": "grid", "bands": "size", "BC7": "table"}
+    bands = lines("l_max", talk="l_max", bands="size")
+    seconds = lines("seconds", talk="rays grid", bands="rays grid")
+    return (
+        Panel("KiB", y, lines("kib", **sizes), None, logarithms),
+        Panel("lookups a pixel", y, lines("lookups", **sizes), None, logarithms, joined=False),
+        Panel("highest band", y, bands),
+        Panel("seconds of the processor", y, seconds, None, logarithms, joined=False),
+    )
+
+
+def nominal(kib: float | int | str) -> float:
+    """Return the power of two that a size is within 4 % of, or 0.
+
+    >>> nominal(505.0), nominal(128), nominal(288)
+    (512.0, 128.0, 0.0)
+    """
+    exponent = float(np.log2(float(kib)))
+    return 2.0 ** round(exponent) if abs(exponent - round(exponent)) < 0.06 else 0.0

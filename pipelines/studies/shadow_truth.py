@@ -1,0 +1,255 @@
+"""How near do the soft shadows of a moving mesh come to traced ones?
+
+The scene `bust` with other volumes, played, against the traced scene: PSNR, and LDR-FLIP (Andersson
+et al. 2020, 67 pixels a degree) where its package is installed. Once with light that bounces, and
+once with direct light alone, which is all that the player gives walls and ground. What the traced
+picture's own noise costs is its error against another trace. Where the error comes from is
+`shadow_steps`. The scene is always this one, whatever `--source` says.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bake import reference, reference_film, sources
+from formats import scene as scenes
+from formats.meshes import Shadow
+from formats.occlusion import Occlusion
+from maths.image_error import psnr
+from pipelines.bake_scene import bake_scene
+from pipelines.studies import shadow_steps
+from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.subjects import Setting
+from runtime.player import Player
+
+Picture = NDArray[np.uint8]
+# The table `shadow` of every caster, none at all, or as the scene has them
+Volume = Mapping[str, Any] | Literal["none", "as it is"]
+
+SCENE = Path(__file__).resolve().parents[2] / "assets" / "scenes" / "bust.toml"
+TIMES = (0.0, 9.0, 18.0)
+TALK, OWN = "L4, 16 of 25", "the scene's"
+TALKS: dict[str, Any] = {"l_max": 4, "components": 16}
+VOLUMES: dict[str, Volume] = {
+    "no shadows": "none",
+    "L2": {"l_max": 2, "components": 9},
+    TALK: TALKS,
+    "L4": {"l_max": 4, "components": 25},
+    "L6, 48 of 49": {"l_max": 6, "components": 48},
+    "L8, 16 of 81": {"l_max": 8, "components": 16},
+    "L8, 48 of 81": {"l_max": 8, "components": 48},
+    "bands L3, 32 KiB": {"encoding": "bands", "size": 32, "l_max": 3},
+    "bands L5, 128 KiB": {"encoding": "bands", "size": 128, "l_max": 5},
+    "bands L7, 512 KiB": {"encoding": "bands", "size": 512, "l_max": 7},
+    OWN: "as it is",
+}
+QUICK = ("no shadows", TALK, "bands L5, 128 KiB", OWN)
+AMPLIFIED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Played:
+    """pictures : finished, (h, w, 3), by time. bytes, lookups : of all casters' volumes together,
+    lookups a pixel near them all."""
+
+    pictures: Mapping[float, Picture]
+    bytes: int
+    lookups: int
+
+    @property
+    def costs(self) -> Row:
+        """What rows tell of it."""
+        return {"kib": self.bytes / 1024, "lookups": self.lookups}
+
+
+def measure(setting: Setting) -> Answer:
+    """Play every volume at a few moments, trace the moments, and compare."""
+    times = TIMES[: setting.pick(1, len(TIMES))]
+    volumes = {name: VOLUMES[name] for name in QUICK} if setting.quick else VOLUMES
+    size = (96, 54) if setting.quick else (240, 135)
+    samples = setting.pick(16, 64)
+    played = play(volumes, times, size)
+    scene, rows, sheets = scenes.load(SCENE), list[Row](), []
+    for time in times:
+        truth, direct, again = traced(scene, time, size, samples)
+        found = {name: one.pictures[time] for name, one in played.items()}
+        for name, picture in {**found, "traced again": again}.items():
+            costs = played[name].costs if name in played else {"kib": 0.0, "lookups": 0}
+            row: Row = {"shadow": name, "time": time, **costs}
+            row |= errors(picture, truth) | errors(picture, direct, "_direct")
+            rows.append(row)
+        sheets.append(side_by_side(found[OWN], truth, direct))
+    steps = explained(scene, times, setting)
+    table = [mean_of(rows, name) for name in dict.fromkeys(str(r["shadow"]) for r in rows)]
+    best, talk = (next(r for r in table if r["shadow"] == k) for k in (OWN, TALK))
+    title = f"{best['psnr']:.1f} dB of the traced picture, {talk['psnr']:.1f} dB with the talk's "
+    title += f"volume ({best['psnr_direct']:.1f} and {talk['psnr_direct']:.1f} without bounces)"
+    return Answer(
+        question="shadow_truth",
+        title=title,
+        truth=f"the scene traced with {samples} paths a pixel, 2 bounces or none",
+        rows=[*rows, *steps],
+        panels=(_pictures(table), _sizes(table), _steps(steps)),
+        table=table,
+        figures={"flip": find_spec("flip_evaluator") is not None},
+        pictures={"differences": np.concatenate(sheets)},
+    )
+
+
+def with_volume(raw: Mapping[str, Any], volume: Volume) -> dict[str, Any]:
+    """Return a scene as data, every caster's volume of these knobs, or without shadows."""
+    data: dict[str, Any] = json.loads(json.dumps(raw))
+    for mesh in data["meshes"] if volume != "as it is" else ():
+        if mesh.pop("shadow", None) is not None and not isinstance(volume, str):
+            mesh["shadow"] = dict(volume)
+    return data
+
+
+def play(
+    volumes: Mapping[str, Volume],
+    times: Sequence[float],
+    size: tuple[int, int],
+    change: Callable[[dict[str, Any]], None] = lambda data: None,
+) -> dict[str, Played]:
+    """Return by name what the player makes of the scene with volumes.
+
+    change : what else to change of the scene, as data.
+    """
+    raw, found = scenes.load(SCENE).raw, dict[str, Played]()
+    with TemporaryDirectory() as folder:
+        for name, volume in volumes.items():
+            path = Path(folder, f"bust-{len(found)}.json")
+            data = with_volume(raw, volume)
+            change(data)
+            path.write_text(json.dumps(data), encoding="utf-8")
+            baked = bake_scene(path, root=SCENE.parents[1], build_folder=Path(folder))
+            with Player(baked.folder, size=size) as player:
+                assets = [Occlusion.load(f) for f in player.folders("occlusion").values()]
+                pictures = {
+                    time: reference_film.develop(player.linear(time)[..., :3], player.scene, time)
+                    for time in times
+                }
+            found[name] = Played(
+                pictures,
+                bytes=sum(asset.nbytes for asset in assets),
+                lookups=sum(len(grid) for asset in assets for grid in asset.grids),
+            )
+    return found
+
+
+def traced(
+    scene: scenes.Scene, time: float, size: tuple[int, int], samples: int
+) -> tuple[Picture, Picture, Picture]:
+    """Trace with bounces, without, and with them and another seed."""
+
+    def one(bounces: int, seed: int) -> Picture:
+        params = reference.Params(
+            width=size[0], height=size[1], time=time, samples=samples, bounces=bounces, seed=seed
+        )
+        return reference_film.develop(reference.render(scene, params=params).radiance, scene, time)
+
+    return one(2, 0), one(0, 0), one(2, 1)
+
+
+def errors(picture: Picture, truth: Picture, suffix: str = "") -> Row:
+    """Return PSNR in dB, and the mean of FLIP, of pictures as a screen shows them."""
+    a, b = (np.asarray(p, np.float32) / np.float32(255) for p in (picture, truth))
+    row: Row = {f"psnr{suffix}": psnr(a, b)}
+    if find_spec("flip_evaluator") is not None:
+        evaluate = import_module("flip_evaluator").evaluate
+        row[f"flip{suffix}"] = float(evaluate(b, a, "LDR", applyMagma=False)[1])
+    return row
+
+
+def side_by_side(played: Picture, truth: Picture, direct: Picture) -> Picture:
+    """Put played and traced pictures, and their differences times AMPLIFIED about grey, in a row:
+    with bounces, then direct light alone."""
+
+    def off(other: Picture) -> Picture:
+        difference = AMPLIFIED * (played.astype(np.int64) - other)
+        return np.asarray(np.clip(128 + difference, 0, 255), np.uint8)
+
+    return np.concatenate([played, truth, off(truth), direct, off(direct)], axis=1)
+
+
+def explained(scene: scenes.Scene, times: Sequence[float], setting: Setting) -> list[Row]:
+    """Return the RMS error of the share of light that the bust leaves, step by step.
+
+    rms : against the truth.  change : against the step before.  bias : mean, below 0 too dark. All
+    over points where the truth or any step takes 2 % of a channel.
+    """
+    caster = scene.meshes[0]
+    assert caster.shadow is not None
+    mesh, rows = sources.load(caster.source), list[Row]()
+    shadows = {OWN: caster.shadow} if setting.quick else {TALK: Shadow(**TALKS), OWN: caster.shadow}
+    samples = setting.pick(32, 256)
+    for time in times:
+        where = shadow_steps.receivers(scene, time)
+        for name, shadow in shadows.items():
+            shares = shadow_steps.shares(
+                scene, caster, mesh, time, shadow=shadow, samples=samples, where=where
+            )
+            darkest = np.minimum.reduce([share.min(axis=1) for share in shares.values()])
+            taken, before = darkest < 0.98, shares["truth"]
+            for step in shadow_steps.STEPS:
+                off = (shares[step] - shares["truth"])[taken]
+                change = (shares[step] - before)[taken]
+                before = shares[step]
+                row: Row = {"shadow": name, "time": time, "step": step}
+                row |= {"rms": _rms(off), "change": _rms(change), "bias": float(off.mean())}
+                rows.append(row)
+    return rows
+
+
+def mean_of(rows: Sequence[Row], name: str) -> Row:
+    """Return the mean over the times of one shadow's rows."""
+    own = [row for row in rows if row["shadow"] == name]
+    numbers = [key for key in own[0] if key not in ("shadow", "time")]
+    return {"shadow": name} | {k: float(np.mean([float(r[k]) for r in own])) for k in numbers}
+
+
+def _pictures(table: Sequence[Row]) -> Panel:
+    """Plot PSNR by volume."""
+    volumes = [row for row in table if row["kib"]]
+    lines = {
+        name: [(float(i), float(row[key])) for i, row in enumerate(volumes)]
+        for name, key in (("with bounces", "psnr"), ("direct light", "psnr_direct"))
+    }
+    ticks = [str(row["shadow"]).replace(", ", "\n").replace(" ", "\n") for row in volumes]
+    label = "PSNR, dB, mean of the moments"
+    return Panel("", label, lines, scales=("linear", "linear"), ticks=ticks, joined=False)
+
+
+def _sizes(table: Sequence[Row]) -> Panel:
+    """Plot the RMS error of the picture in direct light against bytes, to two digits."""
+    lines: dict[str, list[tuple[float, float]]] = {"components": [], "bands": [], OWN: []}
+    for row in (row for row in table if row["kib"]):
+        name, kib = str(row["shadow"]), float(f"{row['kib']:.2g}")
+        kind = "bands" if name.startswith("bands") else name if name == OWN else "components"
+        lines[kind].append((kib, 255 * 10 ** (-float(row["psnr_direct"]) / 20)))
+    return Panel("KiB of all casters", "RMS error in the final picture, codes", lines, joined=False)
+
+
+def _steps(rows: Sequence[Row]) -> Panel:
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        place = float(shadow_steps.STEPS.index(str(row["step"])))
+        lines.setdefault(f"{row['shadow']}, {row['time']:g} s", []).append(
+            (place, float(row["rms"]))
+        )
+    label = "RMS error of the share of light"
+    return Panel("", label, lines, scales=("linear", "linear"), ticks=shadow_steps.STEPS)
+
+
+def _rms(values: NDArray[np.floating]) -> float:
+    return float(np.sqrt(np.mean(np.square(values, dtype=np.float64))))
