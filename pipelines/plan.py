@@ -267,7 +267,7 @@ def _effect(effect: EffectPlan) -> tuple[str, ...]:
         return (*bounds, f"{effect.codes:.3g}", "", "", "")
     spent = f"{effect.milliseconds:,.1f}"
     if effect.timed == "estimate":
-        spent = f"about {effect.milliseconds:,.0f}" if effect.milliseconds else ""
+        spent = f"~{effect.milliseconds:,.0f}" if effect.milliseconds else ""
     price = (f"{effect.seconds:.1f}", f"{effect.bytes / 1e6:.1f}", spent)
     return (*bounds, f"{effect.codes:.3g}", *price)
 
