@@ -1,8 +1,9 @@
 """A world of cubes at a moment: its own cells, parts that stand elsewhere, and lamps' light.
 
-Parts snap to cells; where two meet, the later one in the scene stays. A lamp's light is shared out
-among the empty cells that its cube overlaps, by the share of it in each: so light moves smoothly
-though cells do not (for one cell a side that is trilinear). Those cells then stop rays.
+Parts snap to cells; where two meet, the later one in the scene stays. Gathered light takes a lamp
+as a cube of its own among the cells. Baked light, and the talk's way of gathering, share its light
+out among the empty cells that it overlaps, by the share of it in each (for one cell a side that is
+trilinear); those cells then stop rays.
 """
 
 from __future__ import annotations

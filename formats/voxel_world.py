@@ -12,6 +12,7 @@ from formats.sprites import MESHES
 
 VOXELS = (".vox", ".xraw")
 """File name endings of worlds of cells."""
+MOST_LAMPS = 16
 MODES = ("exact", "sphere", "march", "talk")
 Vector = tuple[float, float, float]
 SLACK = 1e-6  # frames: times are sums of rounded numbers
@@ -141,6 +142,11 @@ def check(world: VoxelWorld, where: Where) -> None:
             if not is_colour(key):
                 place = where.at("emissive").at(key)
                 place.refuse("unknown key", "name an index from 1 to 255, or #rrggbb")
+    if len(world.lamps) > MOST_LAMPS:
+        remedy = (
+            f"every ray looks at each: use at most {MOST_LAMPS}, and let cells glow for the rest"
+        )
+        where.at("lamps").refuse(f"{len(world.lamps)} lamps", remedy)
     names = [body.name for body in world.bodies]
     for i, body in enumerate(world.bodies):
         place = where.at("bodies").item(i).at("name")

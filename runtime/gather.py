@@ -164,20 +164,23 @@ class Gather:
         moved = [lamp.change for pair in pairs if pair[0] != pair[1] for lamp in pair]
         self._free = tuple(lamps)
         if moved:
-            self.changed(moved)
+            self._begin_anew(moved)
 
     def set_environment(self, radiance: NDArray[np.float32]) -> None:
         """Take another map (h, w, 3) for what rays out of the world see; all light begins anew."""
         if self.targets.set_sky(radiance):
             self._draws.release()
             self._draws = self._make_draws()
-        self.changed([Change((0, 0, 0), self.volume.size, EVERYTHING)])
+        self._begin_anew([Change((0, 0, 0), self.volume.size, EVERYTHING)])
 
     def changed(self, changes: Sequence[Change]) -> None:
-        """List lamps anew, and let sums begin anew wherever the light of these boxes may reach."""
-        if not changes:
-            return
-        self.lamps.update(self.volume)
+        """Take changes of the volume: list what glows anew, and let sums begin anew wherever the
+        light of these boxes may reach."""
+        if changes:
+            self.lamps.update(self.volume)
+            self._begin_anew(changes)
+
+    def _begin_anew(self, changes: Sequence[Change]) -> None:
         if self.passes - self._measured >= MEASURE:
             self._measure()
         self._draws.change(changes, FORGET * self.knobs.error * self._brightness)

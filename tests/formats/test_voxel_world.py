@@ -78,3 +78,11 @@ def test_what_is_between_frames_shows_the_one_before() -> None:
     assert frame_of(0.2501, 1.0, 4.0) == 0.25
     # An end between frames, and times outside
     assert [frame_of(t, 0.9, 4.0) for t in (0.9, 5.0, -3.0)] == [0.75, 0.75, 0.0]
+
+
+def test_more_lamps_than_a_ray_should_look_at_are_refused() -> None:
+    lamp = {"position": [0, 1, 0], "radiance": [1, 1, 1]}
+    assert len(world(lamps=[lamp] * 16).lamps) == 16
+    with pytest.raises(InputError, match="at most 16") as refused:
+        world(lamps=[lamp] * 17)
+    assert refused.value.field == "voxels.lamps"
