@@ -1,7 +1,7 @@
 # Everything a checkout can do. `make` alone lists it; each target sets up by itself what it needs.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo bake view test check bench study images setup setup-dev clean
+.PHONY: help demo bake view test check fuzz hard plant bench study images setup setup-dev clean
 
 SCENE ?= grove
 SIZE ?= 960x540
@@ -34,7 +34,7 @@ view: setup ## open a window on the grove (SCENE=name for another scene)
 	@$(BAKELIGHT) view $(FILE) $(ARGS)
 
 test: setup-dev ## run all tests (ARGS="-k words" for some of them)
-	@$(PY) -m pytest $(ARGS)
+	@$(PY) -m pytest $(if $(ARGS),$(ARGS),-n auto --dist loadfile)
 
 check: packages-dev ## formatting, lint, types and the direction of imports
 	@$(PY) -m ruff format --check --quiet . || { echo "check: 'make format' mends formatting"; exit 1; }
@@ -48,6 +48,19 @@ format: packages-dev ## mend formatting, and what lint can mend by itself
 	@$(PY) -m ruff format --quiet .
 	@$(PY) -m ruff check --quiet --fix .
 
+fuzz: setup-dev ## read 100,000 damaged files of each kind, and find what is not refused in one line
+	@BAKELIGHT_FUZZ=$${BAKELIGHT_FUZZ:-100000} $(PY) -m pytest tests/fuzz $(ARGS)
+
+hard: setup-dev ## run every hard case, and write what was measured to build/hard (ARGS=words)
+	@$(PY) -m pipelines.hard.run $(ARGS)
+
+plant: setup-dev ## plant known mistakes in a copy, and see that the tests catch each
+	@$(PY) tools/planted_bugs.py $(ARGS)
+
+.PHONY: crash
+crash: setup-dev ## kill bakes, fill the disk, flip bits, bake at once, hundreds of times; build/hard/crash.json
+	@$(PY) -m tests.hard_crash $(ARGS)
+
 bench: setup-dev ## measure speed and memory against the aims, in one run
 	@$(PY) -m pipelines.studies.bench $(ARGS)
 
@@ -56,12 +69,14 @@ study: setup-dev ## run all studies, or one: make study NAME=question
 
 images: setup-dev ## render the pictures of the README again
 	@$(PY) docs/images/make.py
+	@$(PY) docs/images/sprites.py
 
 setup: packages-view ## only prepare: .venv, packages, OpenGL
 	@tools/setup.sh opengl
 
 setup-dev: packages-dev ## the same, with what tests and studies need
 	@tools/setup.sh opengl
+	@tools/setup.sh desk
 
 packages-view:
 	@tools/setup.sh packages view

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bake import lightmap, voxel_faces, workers
+from bake.lightmap_lights import Lamp
 from formats.environment import Environment
 from formats.errors import InputError
 from formats.keyed import Keyed
@@ -29,13 +30,14 @@ class Params:
     """Knobs. position : of the middle of the world's underside, metres.  moments : positions of the
     parts at each moment that differs.  environments : factor (3,) and turn, radians, of each.
     lamps : middle, metres, which snaps to cells, radiance, and cells along a side of each.
-    reaches : of all that ever shine, for which the world has room.
+    lights : the scene's others.  reaches : of all that ever shine, for which the world has room.
     texels, rays, bounces, target : as bake.lightmap.Params; without rays nothing is lit."""
 
     position: Place
     moments: tuple[tuple[Place, ...], ...] = ()
     environments: tuple[tuple[Place, float], ...] = ()
     lamps: tuple[tuple[Place, Place, int], ...] = ()
+    lights: tuple[Lamp, ...] = ()
     reaches: tuple[Reach, ...] = ()
     texels: int = 2
     rays: int = 0
@@ -88,7 +90,12 @@ def light(
         texels=params.texels, rays=params.rays, bounces=params.bounces, target=params.target
     )
     return lightmap.gather(
-        lit, faces, params=knobs, progress=progress, environment=_sky(maps, params)
+        lit,
+        faces,
+        params=knobs,
+        progress=progress,
+        environment=_sky(maps, params),
+        lamps=params.lights,
     )
 
 

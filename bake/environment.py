@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,7 @@ from maths.transforms import latlong_solid_angles
 
 Float = NDArray[np.float32]
 BRIGHTEST = 1e30  # sums of many are still finite in float32
+MOST_BELOW = 0.1  # of the light; six real maps with such values have .002 to .048
 SUFFIXES = (".exr", ".hdr", ".png", ".jpg", ".jpeg")
 
 
@@ -62,18 +64,23 @@ def load(path: Path) -> Float:
 def resample(
     radiance: Float, *, params: Params, progress: workers.Progress = workers.silent
 ) -> Environment:
-    """Turn and shrink a lat-long map. InputError where radiance is negative or not finite."""
+    """Turn and shrink a lat-long map.
+
+    Values below 0, which sharpening filters leave beside lamps, count as 0 and are told. InputError
+    where they take more than `MOST_BELOW` of the light, and where radiance is not finite.
+    """
     radiance = np.asarray(radiance)
     if radiance.ndim != 3 or radiance.shape[2:] != (3,) or not radiance.size:
         raise InputError("environment", "shape", str(radiance.shape), "give an image (h, w, 3)")
     if radiance.dtype.kind not in "fiu":
         raise InputError("environment", "type", str(radiance.dtype), "give numbers")
-    bad = ~((radiance >= 0) & (radiance <= BRIGHTEST))
+    bad = ~((radiance >= -BRIGHTEST) & (radiance <= BRIGHTEST))
     if bad.any():
         row, column, channel = (int(i) for i in np.argwhere(bad)[0])
         value = float(radiance[row, column, channel])
         where = f"texel (column {column}, row {row})"
-        raise InputError("environment", where, value, "radiance must be finite and not negative")
+        raise InputError("environment", where, value, "radiance must be finite, at most 1e30")
+    radiance, below = _from_zero(radiance)
     if not 2 <= params.width <= 4096 or params.width % 2:
         remedy = "choose an even number from 2 to 4096"
         raise InputError("environment", "width", params.width, remedy)
@@ -93,8 +100,28 @@ def resample(
         "peak_radiance": float(radiance.max()),
         "energy_error": float(np.abs(after - before).max() / max(before.max(), 1e-30)),
         "source_size": [width, height],
+        **below,
     }
     return Environment(radiance=small.astype(np.float32), quality=quality)
+
+
+def _from_zero(radiance: Float) -> tuple[Float, dict[str, Any]]:
+    """Return the map without values below 0, and what the report says of them."""
+    below = radiance < 0
+    if not below.any():
+        return radiance, {}
+    light = (
+        np.abs(radiance, dtype=np.float64)
+        * latlong_solid_angles(*radiance.shape[:2])[:, None, None]
+    )
+    taken = float(light[below].sum() / light.sum())
+    share = float(below.mean())
+    if taken > MOST_BELOW:
+        remedy = f"at most {MOST_BELOW:.0%} of a map may lie below 0: export it again"
+        raise InputError("environment", "radiance", f"{taken:.1%} of it below 0", remedy)
+    note = f"{share:.2g} of the values lie below 0 ({taken:.2g} of the light): they count as 0"
+    told = {"negative_values": share, "negative_light": taken, "notes": [note]}
+    return np.maximum(radiance, 0), told
 
 
 def _area_weights(fine: int, coarse: int, shift: float) -> NDArray[np.float64]:

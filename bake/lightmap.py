@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bake import voxel_faces, workers
+from bake.lightmap_lights import Lamp, LampRays
 from bake.lightmap_rays import Tracer
 from bake.lightmap_rounds import MOST, SETS, Gathering
 from bake.lightmap_surface import Surface
@@ -89,15 +90,18 @@ def gather(
     params: Params,
     progress: workers.Progress = workers.silent,
     environment: NDArray[np.float32] | None = None,
+    lamps: tuple[Lamp, ...] = (),
 ) -> Lightmap:
     """Gather the light of a world on to a layout; faces that are not exposed now get none.
 
     environment : (h, w, 3) lat-long radiance that rays out of the world see; None for black.
+    lamps : lights that are no cells.
     """
     params.check()
     surface = Surface(voxels, faces)
     sky = None if environment is None else params.sky * np.asarray(environment, np.float64)
-    tracer = Tracer(surface, sky, sample_lights=params.sample_lights)
+    others = LampRays(lamps, surface, voxels)
+    tracer = Tracer(surface, sky, sample_lights=params.sample_lights, others=others)
     gathering = Gathering(surface, tracer, params.bounces, params.spread)
     per_set = -(-params.rays // SETS)
     count = min(per_set, FIRST // SETS) if params.target > 0 else per_set

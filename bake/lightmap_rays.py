@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bake.lightmap_lights import LampRays
 from bake.lightmap_surface import Surface, along_normals
 from bake.reference_emission import EnvironmentSampler
 from maths.alias_table import AliasTable
@@ -52,10 +53,15 @@ class Run:
 
 class Tracer:
     """Casts the rays of one world. environment : (h, w, 3) lat-long radiance; None for black.
-    sample_lights : False leaves all to the cosine."""
+    sample_lights : False leaves all to the cosine. others : lights that are not part of it."""
 
     def __init__(
-        self, surface: Surface, environment: Array | None, *, sample_lights: bool = True
+        self,
+        surface: Surface,
+        environment: Array | None,
+        *,
+        sample_lights: bool = True,
+        others: LampRays | None = None,
     ) -> None:
         self.surface = surface
         self.n = len(surface)
@@ -65,6 +71,7 @@ class Tracer:
         if environment is not None and environment.any():
             self.sky = EnvironmentSampler.of_map(np.asarray(environment, np.float64), 0.0)
         self.sample_lights = sample_lights
+        self.others = others
         # One lamp is one face of a cell, told by its first texel
         cell_face = surface.cell * 6 + surface.face
         lit = np.flatnonzero(self.glows[:-1])
@@ -113,6 +120,7 @@ class Tracer:
             _add(total, away // count, sky_cosine * weight, seen)
             if self.sample_lights:
                 self._sample_sky(total, which, starts, face, run)
+        self._sample_others(total, which, starts, face, run)
         kept = np.ascontiguousarray(ends.texel.reshape(m, count).T, np.int32)
         return total, kept, ends.slipped
 
@@ -162,6 +170,17 @@ class Tracer:
         # The sampler gives radiance over its density
         weight = rise[up] * density / (run.count * (rise[up] / np.pi + density))
         _add(total, owner, weight, found.weight[up])
+
+    def _sample_others(
+        self, total: Array, which: Indices, starts: Float, face: int, run: Run
+    ) -> None:
+        """Add samples of each light of the scene, as many as rays."""
+        for number in range(len(self.others or ())):
+            assert self.others is not None
+            u = self._numbers(which, run, 8 + 2 * number, 2).reshape(2, -1).T
+            repeated = np.repeat(starts, run.count, axis=0)
+            found = self.others.irradiance(repeated, face, number, u)
+            total += found.reshape(len(which), run.count, 3).mean(axis=1)
 
     def _lamp_density(
         self, texel: Indices, distance: NDArray[np.floating], cosine: Float | Array

@@ -68,6 +68,7 @@ def fit(
     Memory beside the photographs: 12 bytes a pixel and term. InputError for knobs out of range,
     photographs that are not linear, and too few lights near the ring.
     """
+    photographs = photographs.checked()
     params.check(len(photographs.directions))
     if photographs.space != "linear":
         raise InputError("ring", "space", photographs.space, "light adds up in linear space only")

@@ -74,6 +74,7 @@ class Photographs:
         report.write(folder, data)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Photographs:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -36,14 +36,14 @@ def publish(folder: Path, final: Path) -> bool:
 
     Its files become read-only: hard links may share them with scenes, so no one may edit in place.
     """
-    _flush_tree(folder)
+    flush_tree(folder, mode=0o444)
     try:
         os.rename(folder, final)
     except OSError as error:
         if error.errno in _TAKEN:
             return False
         raise
-    _flush(final.parent)
+    flush(final.parent)
     return True
 
 
@@ -125,14 +125,16 @@ def _number(error: BaseException | None) -> int | None:
     return None
 
 
-def _flush_tree(folder: Path) -> None:
+def flush_tree(folder: Path, mode: int | None = None) -> None:
+    """Flush every file below `folder` to the disk, then the folders. mode : to give the files."""
     for parent, _, files in os.walk(folder, topdown=False):
         for name in files:
-            _flush(Path(parent, name), mode=0o444)
-        _flush(Path(parent))
+            flush(Path(parent, name), mode)
+        flush(Path(parent))
 
 
-def _flush(path: Path, mode: int | None = None) -> None:
+def flush(path: Path, mode: int | None = None) -> None:
+    """Flush a file, or the names in a folder, to the disk."""
     if os.name == "nt" and path.is_dir():
         return
     descriptor = os.open(path, os.O_RDONLY)

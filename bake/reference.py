@@ -107,16 +107,37 @@ class Tile:
     rays: int
 
 
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """What stands in a scene at one moment, for rays. notes : what was left out."""
+
+    world: World
+    notes: tuple[str, ...]
+
+
+def stand(scene: Scene, time: float) -> Standing:
+    """Read and place what stands in a scene at `time` seconds, as its camera sees it: sprites turn
+    with it. Raises InputError as `render` does."""
+    camera = reference_camera.at(scene, time, (1, 1))
+    parts, notes = reference_scene.parts_of(scene, time, camera.yaw, camera.position)
+    return Standing(World(reference_scene.merged(parts), scene.ground), tuple(notes))
+
+
 def render(
-    scene: Scene, *, params: Params, progress: workers.Progress = workers.silent
+    scene: Scene,
+    *,
+    params: Params,
+    progress: workers.Progress = workers.silent,
+    standing: Standing | None = None,
 ) -> Reference:
-    """Trace a scene. Raises InputError for knobs out of range, sources that cannot be read, and
-    scenes of too many triangles."""
+    """Trace a scene. standing : of `stand`, where the same moment is traced again. Raises
+    InputError for knobs out of range, sources that cannot be read, and scenes of too many
+    triangles."""
     params.check()
     size = params.width, params.height
     camera = reference_camera.at(scene, params.time, size, lens=params.lens)
-    parts, notes = reference_scene.parts_of(scene, params.time, camera.yaw, camera.position)
-    world = World(reference_scene.merged(parts), scene.ground)
+    standing = standing or stand(scene, params.time)
+    world = standing.world
     lights = reference_lights.at(scene, params.time, world, shadows=params.shadows)
     air = reference_air.at(scene, params.time)
     tracer = Tracer(world, lights, air, bounces=params.bounces, shadows=params.shadows)
@@ -139,7 +160,7 @@ def render(
         coverage=whole("coverage"),
         samples=batches * each,
         rays=sum(tile.rays for tile in tiles),
-        notes=tuple(notes),
+        notes=standing.notes,
     )
 
 

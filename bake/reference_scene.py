@@ -57,10 +57,13 @@ def parts_of(scene: Scene, time: float, yaw: float, eye: Array) -> tuple[list[Pa
         place = mesh.world_from_mesh(time)[None]
         parts.append(Part(_read(mesh.source, read), place, np.ones((1, 3))))
     for group in scene.billboards:
-        if group.photographed:
+        if group.pictured:
+            notes.append(f"{group.name}: left out, a picture has no mesh to trace")
+        elif group.photographed:
             notes.append(f"{group.name}: left out, photographs have no mesh to trace")
         elif len(group.instances()):
             parts.append(_sprites(group, _read(group.source, read), yaw, eye))
+    notes += [f"{each.name}: left out, particles are not traced" for each in scene.particles]
     for cubes in reference_cubes.meshes(scene, time, most=MAX_TRIANGLES):
         parts.append(Part(cubes, np.eye(4)[None], np.ones((1, 3))))
     total = sum(len(part.mesh.faces) * len(part.tint) for part in parts)

@@ -159,8 +159,12 @@ def _placed(scene: Any) -> list[tuple[Any, NDArray[np.float64]]]:
 
 def _part(mesh: Any, matrix: NDArray[np.float64], path: Path, reader: materials.Reader) -> Mesh:
     """Turn one trimesh geometry into a Mesh in world space."""
+    corners = np.asarray(mesh.vertices, np.float64)
+    if corners.ndim != 2 or corners.shape[1] != 3:
+        remedy = "vertices have three coordinates each; export it again"
+        raise InputError(path, "vertices", f"an array of shape {corners.shape}", remedy)
     with np.errstate(all="ignore"):
-        vertices = np.asarray(mesh.vertices, np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+        vertices = corners @ matrix[:3, :3].T + matrix[:3, 3]
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3)
     if faces.size and (faces.min() < 0 or faces.max() >= len(vertices)):
         remedy = f"the file has {len(vertices)} vertices; export it again"

@@ -93,9 +93,9 @@ class Store:
         syntax.save(self.folder / SYNTAX)
         key = recipe.key(contents)
         path = self.folder / f"{name}-{key}"
+        self._sweep()
         if self._is_intact(path):
             return Entry(path, key, True, seconds_of(path))
-        self._sweep()
         with self._lock(key, name):
             if self._is_intact(path, locked=True):
                 return Entry(path, key, True, seconds_of(path))

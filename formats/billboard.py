@@ -83,6 +83,7 @@ class Billboard:
         report.write(folder, description("billboard", layout, self.quality))
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Billboard:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -66,6 +66,7 @@ class Coefficients:
         report.write(folder, description("coefficients", layout, self.quality))
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Coefficients:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -113,6 +113,7 @@ class Dome:
         report.write(folder, data)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Dome:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -5,6 +5,7 @@ An effect that is not called for is neither baked, nor loaded, compiled, allocat
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,9 @@ from formats import (
     lens_bounds,
     light_bounds,
     occlusion_bounds,
+    particle_bounds,
     post,
+    silhouette_bounds,
     voxel_effects,
 )
 from formats.errors import InputError
@@ -68,10 +71,16 @@ def largest_lod(
     texels_per_metre : of the object at its own height. lens_scale : c of log2(c * circle of
     confusion in texels). 0 when the lens is not called for.
     """
-    row = next(row for row in EFFECTS if row.name == "depth_of_field")
-    if not _decide(row, scene, {}, MOST_LINES).called:
+    if not _has_lens(scene):
         return 0.0
     return float(optics.lod(largest_texels(scene, billboards, texels_per_metre), lens_scale))
+
+
+@lru_cache(maxsize=2)
+def _has_lens(scene: Scene) -> bool:
+    """Whether the lens is called for before anything is baked, the same for all sets of a scene."""
+    row = next(row for row in EFFECTS if row.name == "depth_of_field")
+    return _decide(row, scene, {}, MOST_LINES).called
 
 
 def _decide(row: Row, scene: Scene, reports: Reports, lines: int) -> EffectPlan:
@@ -225,8 +234,10 @@ def defocus(scene: Scene, reports: Reports, lines: int) -> Decision:
 
 
 def billboard(scene: Scene, reports: Reports, lines: int) -> Decision:
-    """Relit sprites, where any stands."""
+    """Relit sprites and pictures, where any stands, and particles."""
     sprites = sum(len(billboards.instances()) for billboards in scene.billboards)
+    if particle_bounds.drawn(scene, reports, lines):
+        return Decision(True, "it draws the particles", float(sprites), "sprites")
     if sprites == 0:
         return Decision(False, "the scene has no sprite", 0.0, "sprites")
     sets = len(scene.billboards)
@@ -330,12 +341,20 @@ EFFECTS = (
         occlusion,
     ),
     Row("fog", (), "picture.fog", lambda scene: scene.picture.fog is not None, fog),
+    Row(
+        "silhouette",
+        (),
+        "meshes.silhouette_width",
+        lambda s: any(mesh.silhouette_width > 0.0 for mesh in s.meshes),
+        silhouette_bounds.silhouette,
+    ),
     Row("defocus", (), "camera.lens", lambda scene: scene.camera.lens is not None, defocus),
+    Row("particles", (), "[[particles]]", lambda s: bool(s.particles), particle_bounds.particles),
     Row(
         "billboard",
         ("billboard",),
-        "[[billboards]]",
-        lambda scene: bool(scene.billboards),
+        "[[billboards]] or [[particles]]",
+        lambda scene: bool(scene.billboards or scene.particles),
         billboard,
     ),
     Row(

@@ -48,6 +48,7 @@ class Environment:
         report.write(folder, _report(radiance.astype(np.float64), stored, self.quality))
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Environment:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats import film_bounds
-from formats.lens_bounds import UNKNOWN_REACH, Reports, balls
+from formats.lens_bounds import UNKNOWN_REACH, Reports, balls, clouds
 from formats.poses import WIDEST, cube_ball, mesh_balls, rays
 from formats.scene import Fog, Scene
 
@@ -52,6 +52,7 @@ def _balls(scene: Scene, reports: Reports) -> Iterator[tuple[str, Array, Array]]
         found = balls(billboards, reports)
         if len(found.middles):
             yield f"a sprite of {billboards.name}", found.middles, found.radii
+    yield from clouds(scene, reports)
     for name, middle, radius in mesh_balls(scene, reports, UNKNOWN_REACH):
         yield f"the mesh {name}", middle[None], np.array([radius])
     for middle, radius in cube_ball(scene, reports, UNKNOWN_REACH):

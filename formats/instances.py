@@ -18,7 +18,8 @@ class Instances:
     """Sprites of one set.
 
     positions : (n, 3) ground points, m. scale : (n,) factors on the height. yaw : (n,) turns about
-    +y, radians. flip : (n,) mirrored left to right. tint : (n, 3) factors on the colour.
+    +y, radians. flip : (n,) mirrored left to right. tint : (n, 3) factors on the colour. roll :
+    (n,) turns in the sprite's plane, counter-clockwise, radians.
     """
 
     positions: NDArray[np.float64]
@@ -26,6 +27,7 @@ class Instances:
     yaw: NDArray[np.float64]
     flip: NDArray[np.bool_]
     tint: NDArray[np.float64]
+    roll: NDArray[np.float64]
 
     def __len__(self) -> int:
         return len(self.positions)
@@ -37,6 +39,7 @@ def placed(
     yaw_degrees: NDArray[np.float64] | None = None,
     flip: NDArray[np.bool_] | None = None,
     tint: NDArray[np.float64] | None = None,
+    roll_degrees: NDArray[np.float64] | None = None,
 ) -> Instances:
     """Sprites at given ground points (n, 3); what is absent is 1, or 0 for turns and mirrors."""
     where = np.empty((0, 3)) if positions is None else positions
@@ -47,6 +50,7 @@ def placed(
         np.zeros(n) if yaw_degrees is None else np.radians(yaw_degrees),
         np.zeros(n, dtype=bool) if flip is None else flip,
         np.ones((n, 3)) if tint is None else tint,
+        np.zeros(n) if roll_degrees is None else np.radians(roll_degrees),
     )
 
 
@@ -84,6 +88,15 @@ class Scatter:
         low=1e-3,
         high=1e3,
     )
+    roll: tuple[float, float] = item(
+        "vector",
+        "least and greatest turn of a picture in its own plane",
+        [0.0, 0.0],
+        unit="deg",
+        sizes=(2,),
+        low=-360,
+        high=360,
+    )
     flip: bool = item("flag", "mirror every other sprite, by chance", True)
     tint: float = item(
         "number", "amount of variation of the colour: 1 varies it by half", 0.0, low=0, high=1
@@ -104,12 +117,14 @@ class Scatter:
         index = np.arange(self.count, dtype=np.uint32)
         positions = self._positions(index)
         low, high = self.height
+        least, most = np.radians(self.roll)
         return Instances(
             positions,
             low + (high - low) * self._chance(index, 3),
             self._yaw(index, positions),
             (self._chance(index, 4) < 0.5) & self.flip,
             self._tint(index),
+            least + (most - least) * self._chance(index, 8),
         )
 
     def _chance(self, index: NDArray[np.uint32], *keys: int) -> NDArray[np.float64]:

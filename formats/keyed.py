@@ -45,6 +45,12 @@ class Keyed:
             value = keyframes.sample(self.times, self.values, t, self.interpolation, self.loop)
         return float(value) if self.values.ndim == 1 else np.array(value, dtype=np.float64)
 
+    def sampled(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The values at many moments (n,): (n,) or (n, size)."""
+        if self.constant:
+            return np.broadcast_to(self.values[0], (*times.shape, *self.values.shape[1:]))
+        return keyframes.sample(self.times, self.values, times, self.interpolation, self.loop)
+
     @cached_property
     def constant(self) -> bool:
         """Whether the value is the same at all times."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.instances import Instances
-from formats.scene import NEAR, Billboards, Camera, Scene
+from formats.scene import NEAR, Billboards, Camera, Particles, Scene
 from maths import optics, transforms
 
 MOMENTS = 256  # of the animation that are looked at, keys come on top
@@ -46,6 +46,26 @@ def largest_texels(scene: Scene, billboards: Billboards, texels_per_metre: float
             _circles(scene.camera, depths, t), depths, focal_length, scale / texels_per_metre
         )
         largest = max(largest, float(circles.max()))
+    for found in scene.particles:
+        own = found.look.billboard or f"particles/{found.name}"
+        if own == billboards.name and scene.camera.lens is not None and found.most:
+            largest = max(largest, _of_cloud(scene, found, texels_per_metre))
+    return largest
+
+
+def _of_cloud(scene: Scene, found: Particles, texels_per_metre: float) -> float:
+    """The same of particles: the smallest of them at the ends of their box."""
+    low, high = found.box()
+    corners = np.stack(np.meshgrid(*np.stack([low, high], axis=1), indexing="ij"), axis=-1)
+    largest = 0.0
+    for t in moments(scene):
+        camera = scene.camera
+        view = transforms.look_at(camera.position.at(float(t)), camera.target.at(float(t)))
+        depths = np.maximum(-(corners.reshape(-1, 3) @ view[2, :3] + view[2, 3]), NEAR)
+        focal_length = camera.focal_length_mm.at(float(t)) / 1000.0
+        circles = _circles(camera, depths, float(t))
+        size = found.factor[0] / texels_per_metre
+        largest = max(largest, float(optics.texels(circles, depths, focal_length, size).max()))
     return largest
 
 
@@ -69,24 +89,27 @@ def _seen(
         return
     most = int(np.clip(WORK // len(instances), 16, MOMENTS))
     for t in moments(scene, most):
-        depths, scale = _visible(scene.camera, billboards.height, instances, float(t))
+        depths, scale = _visible(scene.camera, billboards, instances, float(t))
         if depths.size:
             yield float(t), depths, scale
 
 
 def _visible(
-    camera: Camera, height: float, instances: Instances, t: float
+    camera: Camera, billboards: Billboards, instances: Instances, t: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     view_from_world = transforms.look_at(camera.position.at(t), camera.target.at(t))
     feet = instances.positions @ view_from_world[:3, :3].T + view_from_world[:3, 3]
-    tall = height * instances.scale
-    up = tall[:, None] * view_from_world[:3, 1]
-    # Leave out what is outside the widest picture by more than its own reach
-    middle, reach = feet + 0.5 * up, REACH * tall
+    tall = billboards.height * instances.scale
+    # One that faces the camera has one depth
+    up = tall[:, None] * view_from_world[:3, 1] if billboards.stands else np.zeros_like(feet)
+    # Leave out what is outside the widest picture by more than its own reach; rolled it may hang
+    reach = (REACH + 0.5 * bool(instances.roll.any())) * tall
+    middle = feet + 0.5 * up
     half = 0.5 * camera.sensor_height_mm / camera.focal_length_mm.at(t)
     inside = -middle[:, 2] + reach > NEAR
     for axis, slope in ((0, half * WIDEST), (1, half)):
         outside = np.abs(middle[:, axis]) + slope * middle[:, 2]
         inside &= outside <= reach * np.hypot(1.0, slope)
-    ends = -np.concatenate([feet[inside, 2], feet[inside, 2] + up[inside, 2]])
+    hangs = -up if instances.roll.any() else 0.0 * up
+    ends = -np.concatenate([(feet + hangs)[inside, 2], (feet + up)[inside, 2]])
     return np.maximum(ends, NEAR), np.tile(instances.scale[inside], 2)

@@ -53,12 +53,54 @@ def balls(billboards: Billboards, reports: Reports) -> Balls:
     feet, up = instances.positions, np.array([0.0, 1.0, 0.0])
     report = reports.get(f"billboard/{billboards.name}", {})
     layout, size = report.get("layout"), report.get("size")
+    if not billboards.stands:
+        # About its middle, at one depth
+        wide = (
+            REACH * tall if layout is None or size is None else _half_diagonal(layout, size, tall)
+        )
+        return Balls(feet, wide, 0.0 * tall, 0.0 * tall, layout is not None and size is not None)
     if layout is None or size is None:
+        if instances.roll.any():
+            return Balls(feet, 2.0 * REACH * tall, -REACH * tall, REACH * tall, False)
         return Balls(feet + 0.5 * tall[:, None] * up, REACH * tall, 0.0 * tall, tall, False)
     texel = layout["metres_per_texel"] / layout["height"] * tall
     (w, h), (x, y) = size, layout["pivot"]
     radius = np.hypot(max(x, w - x), max(y, h - y))
+    if instances.roll.any():
+        return Balls(feet, radius * texel, -radius * texel, radius * texel, True)
     return Balls(feet, radius * texel, -(h - y) * texel, y * texel, True)
+
+
+def _half_diagonal(layout: Mapping[str, Any], size: Any, tall: Array) -> Array:
+    """Metres from the middle of a picture to the farthest corner of its borders."""
+    texel, (w, h) = layout["metres_per_texel"] / layout["height"], size
+    x, y = layout["pivot"][0], layout["pivot"][1] - 0.5 / texel
+    far = np.hypot(max(x, w - x), max(y, h - y))
+    return np.asarray(far * texel * tall)
+
+
+def clouds(scene: Scene, reports: Reports) -> Iterator[tuple[str, Array, Array]]:
+    """Yield (name, middle (1, 3), radius (1,)) of balls that hold all particles at every moment."""
+    for found in scene.particles:
+        if scene.force.get("particles") is False or found.most == 0 or found.dark:
+            continue
+        low, high = found.box()
+        reach = found.factor[1] * _reach(scene, reports, found.look.billboard)
+        half = float(np.linalg.norm(high - low)) / 2
+        yield f"particles {found.name}", 0.5 * (low + high)[None], np.array([half + reach])
+
+
+def _reach(scene: Scene, reports: Reports, name: str | None) -> float:
+    """Metres about the middle of a particle at factor 1; of a disc 1 m wide its soft levels too."""
+    if name is None:
+        return REACH
+    height = next(each.height for each in scene.billboards if each.name == name)
+    report = reports.get(f"billboard/{name}", {})
+    if "size" not in report:
+        return REACH * height
+    layout = report["layout"]
+    texel = layout["metres_per_texel"] / layout["height"]
+    return float(np.hypot(*report["size"]) * texel * height)
 
 
 def of_sprites(scene: Scene, reports: Reports, lines: int) -> Blur | None:
@@ -105,6 +147,10 @@ def _sprites(scene: Scene, reports: Reports, pose: Pose) -> Iterator[tuple[str, 
             low, high = np.maximum(np.sort(ends, axis=0), NEAR)
         if seen.any():
             yield billboards.name, np.stack([low, high])[:, seen]
+    for name, middle, radius in clouds(scene, reports):
+        seen, low, high = pose.depths(middle, radius, _half(scene))
+        if seen[0]:
+            yield name, np.stack([low, high])
 
 
 def _ground(scene: Scene, pose: Pose) -> Iterator[tuple[str, Array]]:

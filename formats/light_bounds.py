@@ -122,7 +122,7 @@ def most_radiance(scene: Scene, reports: Reports, light: Light) -> float | None:
     if scene.force.get("billboard") is not False:
         for billboards in scene.billboards:
             instances = billboards.instances()
-            if not len(instances):
+            if billboards.pictured or not len(instances):
                 continue
             response = _response(billboards, reports)
             up = np.array([0.0, 0.5, 0.0]) * (billboards.height * instances.scale)[:, None]
@@ -133,6 +133,16 @@ def most_radiance(scene: Scene, reports: Reports, light: Light) -> float | None:
             if response is None or irradiance is None:
                 return None
             sprites += len(instances) * float(instances.tint.max()) * response * irradiance
+        for found in scene.particles:
+            lit = next((b for b in scene.billboards if b.name == found.look.billboard), None)
+            if lit is None or lit.pictured or scene.force.get("particles") is False:
+                continue
+            low, high = found.box()
+            response = _response(lit, reports)
+            irradiance = _irradiance(reports, scene, light, low, high, 0.0, flat=False)
+            if response is None or irradiance is None:
+                return None
+            sprites += found.most * (1.0 + 0.5 * found.look.tint) * response * irradiance
     return opaque + sprites
 
 

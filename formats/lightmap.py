@@ -88,6 +88,7 @@ class Lightmap:
         report.write(folder, data)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Lightmap:
         """Read a folder that `save` wrote, verified where it is sealed; gutters come back filled.
 

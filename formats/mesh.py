@@ -99,6 +99,7 @@ class Mesh:
         report.write(folder, found)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Mesh:
         """Read a folder that `save` wrote, verified where it is sealed.
 

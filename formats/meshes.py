@@ -127,6 +127,17 @@ class PlacedMesh:
     )
     transfer: TransferKnobs = item("table", "of lighting by transfer", {}, table=TransferKnobs)
     shadow: Shadow | None = item("table", "calls for its soft shadow", None, table=Shadow)
+    silhouette_width: float = item(
+        "number",
+        "farthest that fins stand out which make a coarse outline round; 0: none do",
+        0.0,
+        unit="m",
+        low=0,
+        high=1e6,
+    )
+    silhouette_softness: float = item(
+        "number", "way on which fins fade beyond that, in widths; 0: crisp", 0.0, low=0, high=8
+    )
 
     def world_from_mesh(self, t: float) -> Array:
         """Matrix (4, 4) at t seconds: scale, then turns, then position."""

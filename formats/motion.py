@@ -10,7 +10,9 @@ from formats.scene import Scene
 def moving(scene: Scene) -> tuple[str, ...]:
     """Fields that change over time, such as camera.position or lights[0].radiance, in order."""
     parts = ("camera", "lights", "ground", "meshes", "voxels", "billboards", "picture")
-    return tuple(name for part in parts for name in _moving(getattr(scene, part), part))
+    found = tuple(name for part in parts for name in _moving(getattr(scene, part), part))
+    lively = (f"particles[{i}]" for i, each in enumerate(scene.particles) if each.emitter.rate > 0)
+    return (*found, *(lively if scene.time.duration > 0 else ()))
 
 
 def _moving(value: Any, name: str) -> list[str]:

@@ -116,6 +116,7 @@ class OcclusionHarmonics:
         report.write(folder, data)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> OcclusionHarmonics:
         """Read a folder that `save` wrote, verified where it is sealed.
 
@@ -265,6 +266,7 @@ class Occlusion:
         report.write(folder, data)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Occlusion:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -3,7 +3,8 @@
 Bloom scatters what is brighter than its threshold. Where nothing in the scene can be, it changes
 nothing; otherwise it moves a pixel by at most its strength times what the brightest thing has over
 the threshold. The brightest thing is bounded by the sum of what every light makes on anything, of
-the sky and of the fog. Meshes that emit, cubes, and tables that are not known here bound nothing.
+the sky, of the fog, of pictures and of particles. Meshes that emit, cubes, and tables that are not
+known here bound nothing.
 """
 
 from collections.abc import Mapping
@@ -27,7 +28,7 @@ ROUNDING = 1.02  # of half floats, a few layers of them
 # What `brightest` counts; any other part of a scene may be of any brightness
 COUNTED = {
     *("format", "time", "quality", "camera", "lights", "ground", "meshes", "billboards"),
-    *("picture", "force"),
+    *("particles", "picture", "force"),
 }
 COUNTED_IN_PICTURE = {"sky", "fog", "film", "bloom", "radial_blur"}
 
@@ -81,9 +82,36 @@ def brightest(scene: Scene, reports: Reports) -> float | None:
         return None
     found = [most_radiance(scene, reports, light) for light in scene.lights]
     lit = [each for each in found if each is not None]
-    if len(lit) < len(found):
+    own = _own(scene, reports)
+    if len(lit) < len(found) or own is None:
         return None
-    return ROUNDING * (sum(lit) + _air(scene))
+    return ROUNDING * (sum(lit) + own + _air(scene))
+
+
+def _own(scene: Scene, reports: Reports) -> float | None:
+    """The most radiance of pictures and discs that lie over one another; None where one may have
+    any."""
+    total = 0.0
+    for found in scene.billboards:
+        count = 0.0
+        instances = found.instances()
+        if len(instances):
+            count += len(instances) * float(instances.tint.max())
+        for each in scene.particles:
+            if each.look.billboard == found.name:
+                count += each.most * (1.0 + 0.5 * each.look.tint)
+        if not (found.pictured and count):
+            continue
+        layout = reports.get(f"billboard/{found.name}", {}).get("layout")
+        # Codes of a PNG are 1 at most
+        if layout is None and found.source.suffix.lower() != ".png":
+            return None
+        brightest = 1.0 if layout is None else float(layout["brightest"])
+        total += count * brightest * max(found.radiance)
+    for each in scene.particles:
+        if each.look.billboard is None:
+            total += each.most * (1.0 + 0.5 * each.look.tint) * max(each.look.radiance)
+    return total
 
 
 def _air(scene: Scene) -> float:

@@ -4,19 +4,58 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from formats import seal
-from formats.errors import InputError
+from formats.errors import BakelightError, DamagedError, InputError
 from formats.files import atomic
 from formats.files.reading import MAX_JSON_BYTES, read_bytes, strict_json
 
 NAME = "report.json"
 MAX_DEPTH = 32
 """Deepest nesting of a report."""
+SMALL = 1 << 16
+"""Values of the largest array that a report holds; larger ones come from files that are checked."""
+
+
+Made = TypeVar("Made")
+From = TypeVar("From")
+
+
+def understood(load: Callable[[From, Path], Made]) -> Callable[[From, Path], Made]:
+    """Make `load(cls, folder)` answer for whatever a report says, sealed by whomever.
+
+    Entries that are missing, of another type or out of range end in DamagedError.
+    """
+
+    @wraps(load)
+    def answering(cls: From, folder: Path) -> Made:
+        try:
+            made = load(cls, folder)
+            _require_finite(made)
+            return made
+        except BakelightError:
+            raise
+        except (Exception, MemoryError) as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+            raise DamagedError(Path(folder) / NAME, "entries", reason, "bake it again") from error
+
+    return answering
+
+
+def _require_finite(made: Any) -> None:
+    """Raise ValueError where a number, or an array as small as those of reports, is not finite."""
+    for field in fields(made) if is_dataclass(made) else ():
+        value = getattr(made, field.name)
+        small = isinstance(value, np.ndarray) and value.dtype.kind == "f" and value.size <= SMALL
+        if (small or isinstance(value, float)) and not np.isfinite(value).all():
+            raise ValueError(f"{field.name} is not finite")
 
 
 def write(folder: Path, data: dict[str, Any]) -> None:
@@ -47,6 +86,9 @@ def read(folder: Path) -> dict[str, Any]:
         raise InputError(
             path, "report", type(data).__name__, "a report is a JSON object: bake it again"
         )
+    quality = data.get("quality", {})
+    if not isinstance(quality, dict):
+        raise InputError(path, "quality", type(quality).__name__, "a table: bake it again")
     return data
 
 

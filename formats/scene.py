@@ -13,7 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import lights, meshes, plan, schema, voxel_world
+from formats import lights, meshes, particles, plan, schema, voxel_world
 from formats.errors import InputError
 from formats.instances import Instances
 from formats.keyed import Keyed
@@ -29,6 +29,7 @@ from formats.lights import (
     Sun,
 )
 from formats.meshes import PlacedMesh
+from formats.particles import Particles
 from formats.scene_file import parse
 from formats.schema import Where, item
 from formats.sprites import QUALITIES, Billboards, Dome, Ring, check, check_source, complete
@@ -50,6 +51,7 @@ __all__ = [
     "Keyed",
     "Lens",
     "Light",
+    "Particles",
     "Picture",
     "PlacedMesh",
     "Polygon",
@@ -233,6 +235,9 @@ class Scene:
     meshes: tuple[PlacedMesh, ...] = item("tables", "opaque meshes", [], tables={"": PlacedMesh})
     voxels: VoxelWorld | None = item("table", "calls for a world of cubes", None, table=VoxelWorld)
     billboards: tuple[Billboards, ...] = item("tables", "sprites", [], tables={"": Billboards})
+    particles: tuple[Particles, ...] = item(
+        "tables", "small things in the air", [], tables={"": Particles}
+    )
     picture: Picture = item("table", "sky, fog and film", {}, table=Picture)
     force: dict[str, bool] = item(
         "switches",
@@ -324,12 +329,18 @@ def _check(scene: Scene, where: Where) -> None:
         meshes.check(mesh, where.at("meshes").item(i))
     if scene.voxels is not None:
         voxel_world.check(scene.voxels, where.at("voxels"))
+    used = {each.look.billboard for each in scene.particles}
+    for i, found in enumerate(scene.particles):
+        place = where.at("particles").item(i)
+        if found.name in [other.name for other in scene.particles[:i]]:
+            place.at("name").refuse(found.name, "give each another name")
+        particles.check(found, scene.billboards, place)
     names = [billboards.name for billboards in scene.billboards]
     for i, billboards in enumerate(scene.billboards):
         place = where.at("billboards").item(i)
         if billboards.name in names[:i]:
             place.at("name").refuse(billboards.name, "give each set another name")
-        check(billboards, place)
+        check(billboards, place, used=billboards.name in used)
 
 
 def _meeting(camera: Camera) -> float | None:

@@ -10,13 +10,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from formats import photograph_files, schema
+from formats import photograph_files, picture_files, schema
 from formats.instances import Instances, Scatter, placed
 from formats.schema import Where, item
 
 QUALITIES = ("draft", "balanced", "fine", "reference")
 MESHES = (".obj", ".ply", ".stl", ".glb")
-SOURCES = (*MESHES, photograph_files.SUFFIX)
+SOURCES = (*MESHES, photograph_files.SUFFIX, *picture_files.SUFFIXES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,11 +71,31 @@ class Dome:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Billboards:
-    """One mesh, or one photographed thing, baked as relit sprites, and where they stand."""
+    """One mesh or photographed thing, relit, or a picture as it is, and where its sprites stand."""
 
     name: str = item("text", "of the set; letters, digits, - and _")
-    source: Path = item("source", "mesh, or light positions of photographs", choices=SOURCES)
-    height: float = item("number", "of the object", unit="m", low=1e-3, high=1e4)
+    source: Path = item(
+        "source", "mesh, light positions of photographs, or a picture", choices=SOURCES
+    )
+    height: float = item("number", "of the object or picture", unit="m", low=1e-3, high=1e4)
+    radiance: tuple[float, float, float] = item(
+        "vector",
+        "of a picture's white",
+        [1.0, 1.0, 1.0],
+        unit="W/(m2 sr)",
+        sizes=(3,),
+        low=0,
+        high=1e6,
+    )
+    opacity: float = item(
+        "number", "of a picture, a factor on its alpha; 0 only adds light", 1.0, low=0, high=1
+    )
+    facing: Literal["upright", "camera"] = item(
+        "text",
+        'a picture stands on its lower edge, or "camera": floats about its middle, facing it',
+        "upright",
+        choices=("upright", "camera"),
+    )
     ring: Ring | None = item(
         "table", "a circle of lights; what a mesh gets without either", None, table=Ring
     )
@@ -88,7 +108,7 @@ class Billboards:
     views: int = item("integer", "sides from which it is baked, evenly about +y", 1, low=1, high=16)
     resolution: int = item(
         "integer",
-        "texels of the longer side of the object",
+        "texels of the longer side of the object; a picture is only shrunk to it, if it is written",
         None,
         low=8,
         high=4096,
@@ -122,17 +142,38 @@ class Billboards:
     yaw: NDArray[np.float64] | None = item(
         "numbers", "turn about +y, one a position", None, unit="deg", low=-360, high=360
     )
+    roll: NDArray[np.float64] | None = item(
+        "numbers",
+        "turn of a picture in its own plane, counter-clockwise, one a position",
+        None,
+        unit="deg",
+        low=-360,
+        high=360,
+    )
     flip: NDArray[np.bool_] | None = item("flags", "mirrored, one a position", None)
     tint: NDArray[np.float64] | None = item(
         "numbers", "factor on the colour, one a position", None, sizes=(3,), low=0, high=10
     )
     scatter: Scatter | None = item("table", "places by chance", None, table=Scatter)
-    shadow: bool = item("flag", "a shadow on the ground where they stand", True)
+    softness: float = item(
+        "number", "over which it fades before what is opaque", 0.0, unit="m", low=0, high=100
+    )
+    shadow: bool = item("flag", "a shadow on the ground where they stand; not of pictures", True)
 
     @property
     def photographed(self) -> bool:
-        """Whether photographs are its source, and not a mesh."""
+        """Whether photographs are its source."""
         return photograph_files.is_photographed(self.source)
+
+    @property
+    def pictured(self) -> bool:
+        """Whether a picture is its source, which is shown as it is, in no light but its own."""
+        return picture_files.is_picture(self.source)
+
+    @property
+    def stands(self) -> bool:
+        """Whether its sprites stand on their ground points, and not float about them."""
+        return self.facing == "upright"
 
     def instances(self) -> Instances:
         """Every sprite of the set; the same for the same scene on every machine."""
@@ -142,11 +183,14 @@ class Billboards:
     def _instances(self) -> Instances:
         if self.scatter is not None:
             return self.scatter.instances()
-        return placed(self.positions, self.scale, self.yaw, self.flip, self.tint)
+        return placed(self.positions, self.scale, self.yaw, self.flip, self.tint, self.roll)
 
 
 def complete(billboards: Billboards, quality: int) -> Billboards:
     """Fill what the set leaves open with the numbers of the quality."""
+    if billboards.pictured:
+        # As many texels as it has, and no shadow: it is light, not a body
+        return dataclasses.replace(billboards, resolution=billboards.resolution or 0, shadow=False)
     ring, dome = billboards.ring, billboards.dome
     if ring is None and dome is None:
         ring, dome = (None, Dome()) if billboards.photographed else (Ring(), None)
@@ -165,6 +209,8 @@ def complete(billboards: Billboards, quality: int) -> Billboards:
 
 # What a bake of a mesh is told and photographs have settled
 OF_MESHES = ("resolution", "samples", "transmission", "gloss", "sky_fill", "sun_diameter", "views")
+OF_LIT = ("ring", "dome", "packing", *OF_MESHES[1:])
+OF_PICTURES = ("radiance", "opacity", "facing", "roll")
 
 
 def check_source(billboards: Billboards, where: Where) -> None:
@@ -172,6 +218,16 @@ def check_source(billboards: Billboards, where: Where) -> None:
 
     Photographs are looked up where there is a root, and become sources of the scene too.
     """
+    if billboards.pictured:
+        _refuse(billboards, OF_LIT, "a picture is shown as it is, in no light but its own", where)
+        if where.root is not None:
+            picture_files.baked_size(billboards.source, billboards.resolution or 0)
+        return
+    _refuse(billboards, OF_PICTURES, "only a picture (.png, .exr) has it", where)
+    scatter = billboards.scatter
+    if scatter is not None and scatter.roll != (0.0, 0.0):
+        place = where.at("scatter").at("roll")
+        place.refuse(list(scatter.roll), "remove this line: only a picture (.png, .exr) has it")
     ring = billboards.ring
     if ring is not None and billboards.dome is not None:
         where.at("dome").refuse("both ring and dome", "write one of them: how the set is lit")
@@ -183,10 +239,7 @@ def check_source(billboards: Billboards, where: Where) -> None:
             remedy = "remove this line: the lights of a mesh stand on the ring"
             where.at("ring").at("tolerance").refuse(ring.tolerance, remedy)
         return
-    for key in OF_MESHES:
-        given = getattr(billboards, key)
-        if given != schema.specs(Billboards)[key].default:
-            where.at(key).refuse(given, "remove this line: photographs are as they were taken")
+    _refuse(billboards, OF_MESHES, "photographs are as they were taken", where)
     if billboards.dome is not None and billboards.dome.lights is not None:
         remedy = "remove this line: photographs have their own lights"
         where.at("dome").at("lights").refuse(billboards.dome.lights, remedy)
@@ -195,6 +248,17 @@ def check_source(billboards: Billboards, where: Where) -> None:
     if where.root is not None:
         for file in photograph_files.require_inside(billboards.source, where.root)[1:]:
             where.sources[file.resolve().relative_to(where.root.resolve()).as_posix()] = file
+
+
+def _refuse(billboards: Billboards, keys: tuple[str, ...], why: str, where: Where) -> None:
+    """Refuse the first of the fields that is not as where it is absent."""
+    for key in keys:
+        given = getattr(billboards, key)
+        default = schema.specs(Billboards)[key].default
+        if given is not default and not np.array_equal(given, default):
+            shown = "a table" if dataclasses.is_dataclass(given) else given
+            shown = shown.tolist() if isinstance(shown, np.ndarray) else shown
+            where.at(key).refuse(shown, f"remove this line: {why}")
 
 
 def _check_photographed(ring: Ring, where: Where) -> None:
@@ -218,15 +282,20 @@ def _check_ring(billboards: Billboards, ring: Ring, where: Where) -> None:
         where.at("packing").refuse("talk", "write 5 terms: that program has exactly five")
 
 
-def check(billboards: Billboards, where: Where) -> None:
-    """Refuse what only several fields of a set together show to be wrong."""
+def check(billboards: Billboards, where: Where, *, used: bool = False) -> None:
+    """Refuse what only several fields of a set together show to be wrong.
+
+    used : by particles; it may then have no places of its own.
+    """
     if billboards.ring is not None:
         _check_ring(billboards, billboards.ring, where)
-    if (billboards.positions is None) == (billboards.scatter is None):
+    placed_once = (billboards.positions is None) != (billboards.scatter is None)
+    nowhere = billboards.positions is None and billboards.scatter is None
+    if not placed_once and not (used and nowhere):
         given = "neither" if billboards.positions is None else "both"
         where.at("positions").refuse(given, "write either positions or scatter")
     n = 0 if billboards.positions is None else len(billboards.positions)
-    for key in ("scale", "yaw", "flip", "tint"):
+    for key in ("scale", "yaw", "roll", "flip", "tint"):
         each = getattr(billboards, key)
         if each is not None and len(each) != n:
             where.at(key).refuse(f"{len(each)} items", f"write one a position, {n}")
@@ -240,6 +309,8 @@ def _check_scatter(billboards: Billboards, scatter: Scatter, where: Where) -> No
         where.at("box").refuse(scatter.box.tolist(), remedy)
     if scatter.height[0] > scatter.height[1]:
         where.at("height").refuse(list(scatter.height), "write the lesser factor first")
+    if scatter.roll[0] > scatter.roll[1]:
+        where.at("roll").refuse(list(scatter.roll), "write the lesser angle first")
     try:
         billboards.instances()
     except ValueError as error:

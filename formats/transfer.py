@@ -96,6 +96,7 @@ class Layout:
         return np.asarray(np.einsum("nj,jck->nck", values, self.basis), np.float32)
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Layout:
         """Read the report of a folder that `Transfer.save` wrote. DamagedError for another kind."""
         found = _report(folder)["layout"]

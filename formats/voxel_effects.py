@@ -1,13 +1,17 @@
 """When a scene calls for the passes of a world of cubes."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
 from formats.errors import InputError
+from formats.keyed import Keyed
 from formats.meshes import shown
 from formats.plan import Decision
 from formats.scene import EnvironmentLight, Scene
 
+MOST_LIGHTS = 16
+"""On cubes, environments apart."""
 Reports = Mapping[str, Mapping[str, Any]]
 
 
@@ -17,10 +21,11 @@ def voxels(scene: Scene, reports: Reports, lines: int) -> Decision:
         return Decision(False, "the scene has no [voxels]")
     reason = f"[voxels] has cells of {scene.voxels.cell_size:g} m"
     others = sum(not isinstance(light, EnvironmentLight) for light in scene.lights)
-    if others:
-        reason += (
-            f"; {others} of [[lights]] do not light it: cubes take environments and what glows"
-        )
+    if others > MOST_LIGHTS:
+        remedy = f"cubes take at most {MOST_LIGHTS} besides environments; join or drop some"
+        raise InputError(scene.file, "lights", others, remedy)
+    if others and scene.voxels.mode == "talk" and _moving_cubes(scene):
+        reason += f'; mode "talk" takes nothing of {others} of [[lights]]'
     return Decision(True, reason)
 
 
@@ -50,15 +55,28 @@ def gather(scene: Scene, reports: Reports, lines: int) -> Decision:
 
 
 def probe(scene: Scene, reports: Reports, lines: int) -> Decision:
-    """Light of a world of cubes on meshes that take it as harmonics."""
+    """Light of a world of cubes on sprites and meshes that stand in it."""
     if not drawn(scene):
         return Decision(False, "no world of cubes is drawn")
-    taking = [m for m in shown(scene) if m.shadow is not None or m.lighting == "transfer"]
-    if not taking:
-        return Decision(False, "no mesh casts a shadow or is lit by transfer")
-    count = len(taking)
-    reason = f"{count} mesh{'es' * (count > 1)} take{'s' * (count == 1)} light of the cubes"
-    return Decision(True, reason)
+    meshes, sprites = len(shown(scene)), _lit_sprites(scene)
+    if not meshes and not sprites:
+        return Decision(False, "no mesh and no lit sprite stands among the cubes")
+    found = [
+        f"{count} {name}{ending * (count > 1)}"
+        for count, name, ending in ((meshes, "mesh", "es"), (sprites, "sprite", "s"))
+        if count
+    ]
+    takes = "take" if meshes + sprites > 1 else "takes"
+    return Decision(True, f"{' and '.join(found)} {takes} light of the cubes")
+
+
+def _lit_sprites(scene: Scene) -> int:
+    """How many sprites may stand in a scene that take light, those of particles included."""
+    if scene.force.get("billboard") is False:
+        return 0
+    lit = {each.name: len(each.instances()) for each in scene.billboards if not each.pictured}
+    particles = scene.particles if scene.force.get("particles") is not False else ()
+    return sum(lit.values()) + sum(each.most for each in particles if each.look.billboard in lit)
 
 
 def drawn(scene: Scene) -> bool:
@@ -70,7 +88,8 @@ def _moving_cubes(scene: Scene) -> str:
     """What changes the light of a world of cubes, "" where nothing does."""
     if scene.voxels is not None and scene.voxels.moving:
         return "lamps or parts move"
-    lights = [light for light in scene.lights if isinstance(light, EnvironmentLight)]
-    if not all(light.scale.constant for light in lights):
-        return "the environment changes"
+    for light in scene.lights:
+        keyed = (getattr(light, field.name) for field in dataclasses.fields(light))
+        if not all(value.constant for value in keyed if isinstance(value, Keyed)):
+            return f"a light of type {light.type} changes"
     return ""

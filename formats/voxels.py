@@ -131,6 +131,7 @@ class Voxels:
         report.write(folder, data | {"quality": voxels.quality})
 
     @classmethod
+    @report.understood
     def load(cls, folder: Path) -> Voxels:
         """Read a folder that `save` wrote, verified where it is sealed.
 

@@ -25,6 +25,7 @@ BLOCK = 8192  # rows
 # Largest over smallest singular value up to which a Gram matrix is trusted: it squares them, and
 # 1e5 leaves the smallest of them 6 digits
 TRUSTED = 1e5
+TIED = 1e-5  # relative gap of singular values up to which rounding of records chooses directions
 SLACK = 1.01  # of the least RMS residual that is possible
 
 
@@ -48,7 +49,8 @@ class Components:
 def principal_components(records: ArrayLike, count: int) -> Components:
     """Find the `count` directions that keep most of the sum of squares of records (n, p).
 
-    Signs are fixed: the largest magnitude of a direction is positive, the first of equal ones.
+    Signs are fixed: the largest magnitude of a direction is positive, the first of equal ones. So
+    are directions of equal singular values, as symmetrical objects have.
     Where the rank is lower than `count`, rows of zeros fill up, with a warning. Scores are
     `records @ vectors.T`. Raises ValueError for other shapes and for values that are not finite,
     and ArithmeticError should the residual exceed the optimum by more than a hundredth.
@@ -72,6 +74,7 @@ def principal_components(records: ArrayLike, count: int) -> Components:
     # Rounding of n p products of entries up to 1, not of the largest singular value
     rank = int(np.count_nonzero(s > np.finfo(np.float64).eps * max(n, p)))
     kept = min(count, rank)
+    Vt = _settled(s[:rank], Vt[:rank])
     vectors, singular = np.zeros((count, p)), np.zeros(count)
     vectors[:kept], singular[:kept] = _signed(Vt[:kept]), s[:kept] * peak
     left = sum(_left(np.asarray(x[b], np.float64) / peak, vectors[:kept]) for b in blocks)
@@ -100,6 +103,32 @@ def _by_qr(blocks: list[Array]) -> tuple[Array, Array]:
     R = np.linalg.qr(np.vstack([np.linalg.qr(block, mode="r") for block in blocks]), mode="r")
     _, s, Vt = np.linalg.svd(R, full_matrices=False)
     return s, Vt
+
+
+def _settled(s: Array, Vt: Array) -> Array:
+    """Turn directions of equal singular values, so that not the rounding of a library chooses which
+    of them are kept. What that loses is below TIED of their energy."""
+    found, start = Vt.copy(), 0
+    for end in range(1, len(s) + 1):
+        if end < len(s) and s[end] > s[end - 1] * (1 - TIED):
+            continue
+        if end - start > 1:
+            found[start:end] = _nearest_to_axes(Vt[start:end])
+        start = end
+    return found
+
+
+def _nearest_to_axes(rows: Array) -> Array:
+    """Return the orthonormal basis of the span of `rows`, itself one, whose first direction is that
+    nearest to any axis, the first of equals, and so on in what is left."""
+    left, found = rows.copy(), np.empty_like(rows)
+    for direction in found:
+        lengths = np.sum(np.square(left), axis=0)
+        axis = left[:, np.argmax(lengths >= lengths.max() * (1 - 1e-9))]
+        axis = axis / np.linalg.norm(axis)
+        direction[:] = axis @ left
+        left -= np.outer(axis, direction)
+    return found
 
 
 def _signed(vectors: Array) -> Array:

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from bake import cubes, recipe
+from bake.lightmap_lights import Lamp
 from bake.recipe import Baked, Entry
 from bake.store import Store, seconds_of
 from formats import effects
 from formats.environment import Environment
 from formats.errors import InputError
-from formats.scene import EnvironmentLight, Scene, VoxelWorld
+from formats.lights import Disc, EnvironmentLight, Polygon, Rectangle, Sphere, Sun
+from formats.scene import Scene, VoxelWorld
 from formats.voxel_state import Place
 from formats.voxel_world import VOXELS, last_frame
 from formats.voxels import Voxels
@@ -60,12 +62,12 @@ def light(
     watch: bake_sprites.Watch | None = None,
 ) -> Entry:
     """Bake the faces; lit : and their light."""
-    return store.run(cubes.light, *given, params=_params(scene, lit), on_progress=watch)
+    return store.run(cubes.light, *given, params=params(scene, lit), on_progress=watch)
 
 
 def located(store: Store, scene: Scene, given: Sequence[recipe.Input], lit: bool) -> Entry:
     """Return where that entry is or would be, and whether it is there."""
-    contents = recipe.of(cubes.light, tuple(given), _params(scene, lit))
+    contents = recipe.of(cubes.light, tuple(given), params(scene, lit))
     key = recipe.key(contents)
     path = store.folder / f"{contents['stage']}-{key}"
     return Entry(path, key, path.is_dir(), seconds_of(path))
@@ -77,7 +79,8 @@ def inputs(entries: Sequence[Entry], maps: Sequence[Entry]) -> list[recipe.Input
     return [*worlds, *(Baked(entry, Environment.load) for entry in maps)]
 
 
-def _params(scene: Scene, lit: bool) -> cubes.Params:
+def params(scene: Scene, lit: bool) -> cubes.Params:
+    """Return the knobs that a scene has for the faces of its world; lit : and for their light."""
     world = scene.voxels
     assert world is not None
     lamps = [
@@ -90,6 +93,7 @@ def _params(scene: Scene, lit: bool) -> cubes.Params:
         position=world.position,
         moments=_moments(scene, world),
         lamps=tuple(lamps),
+        lights=_lights(scene) if lit else (),
         reaches=world.reaches,
         environments=tuple(
             (_three(light.factor(0.0)), float(np.radians(light.rotate)))
@@ -101,6 +105,33 @@ def _params(scene: Scene, lit: bool) -> cubes.Params:
         bounces=world.bounces,
         target=world.error,
     )
+
+
+def _lights(scene: Scene) -> tuple[Lamp, ...]:
+    """The lights that the plan keeps, but for environments, as they are at first."""
+    kept = {each.index for each in effects.lights(scene) if each.kept}
+    lights = [light for i, light in enumerate(scene.lights) if i in kept]
+    return tuple(
+        _lamp(light, scene.ground is not None)
+        for light in lights
+        if not isinstance(light, EnvironmentLight)
+    )
+
+
+def _lamp(light: Sun | Sphere | Disc | Rectangle | Polygon, horizon: bool) -> Lamp:
+    if isinstance(light, Sun):
+        radius = float(np.radians(light.angular_diameter) / 2)
+        strength, place = _three(light.irradiance.at(0.0)), _three(light.direction(0.0))
+        return Lamp("sun", strength, place, radius, horizon=horizon)
+    strength = _three(light.radiance.at(0.0))
+    if isinstance(light, Sphere):
+        return Lamp("sphere", strength, _three(light.position.at(0.0)), light.radius)
+    axis, both = _three(light.axis(0.0)), light.two_sided
+    if isinstance(light, Disc):
+        place = _three(light.position.at(0.0))
+        return Lamp("disc", strength, place, light.radius, axis, two_sided=both)
+    corners = tuple(map(_three, light.corners(0.0)))
+    return Lamp("polygon", strength, axis=axis, corners=corners, two_sided=both)
 
 
 def _moments(scene: Scene, world: VoxelWorld) -> tuple[tuple[Place, ...], ...]:

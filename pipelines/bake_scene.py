@@ -21,7 +21,7 @@ from formats.plan import Plan
 from formats.sprites import Billboards
 from pipelines import bake_sprites, reports
 from pipelines.current import MANIFEST_FORMAT, code, digest
-from pipelines.deliver import copy, publish
+from pipelines.deliver import copy, publish, sweep
 from pipelines.plan import build
 
 Progress = Callable[[str, float], None]
@@ -50,20 +50,24 @@ def bake_scene(
     build_folder: Path = Path("build"),
     only: str | None = None,
     on_progress: Progress | None = None,
+    adjust: Callable[[scenes.Scene], scenes.Scene] | None = None,
+    price: dict[str, Any] | None = None,
 ) -> SceneBake:
     """Bake a scene into build/scenes/NAME; what the store has is not baked again.
 
     only : a kind ("billboard", "environment") to bake alone, with what it is made from, without
-    writing the scene's folder.
+    writing the scene's folder. adjust : sets knobs that the file leaves open or has otherwise.
+    price : what the manifest says of them.
     Raises InputError, MachineError, DamagedError.
     """
     scene = scenes.load(path, root)
+    scene = scene if adjust is None else adjust(scene)
     folder = build_folder / "scenes" / scene.name
     _require_own(folder)
     store = Store(build_folder / "store")
     plan = build(scene)
     entries: dict[str, Entry] = {}
-    for name, kind, run in _jobs(scene, plan):
+    for name, kind, run in jobs(scene, plan):
         if only in (None, kind) or kind in MADE_FROM.get(str(only), ()):
             watch = None if on_progress is None else partial(on_progress, name)
             entries[name] = run(store, watch)
@@ -73,7 +77,7 @@ def bake_scene(
         plan = build(scene, reports=measured)
         needed = {asset.name for asset in plan.assets}
         taken = {name: entry for name, entry in entries.items() if name in needed}
-        _assemble(folder, scene, path, plan, taken)
+        _assemble(folder, scene, path, plan, taken, price)
     return SceneBake(folder, plan, entries)
 
 
@@ -81,7 +85,7 @@ Watch = bake_sprites.Watch
 Run = Callable[[Store, Watch | None], Entry]
 
 
-def _jobs(scene: scenes.Scene, plan: Plan) -> Iterator[tuple[str, str, Run]]:
+def jobs(scene: scenes.Scene, plan: Plan) -> Iterator[tuple[str, str, Run]]:
     """List (name, kind, how to bake it) of the assets that the plan names."""
     groups = {group.name: group for group in scene.billboards}
     for asset in plan.assets:
@@ -110,10 +114,10 @@ def _billboard(scene: scenes.Scene, group: Billboards, store: Store, watch: Watc
 
 
 def _occlusion(placed: PlacedMesh, store: Store, watch: Watch | None) -> Entry:
-    return bake_sprites.bake(store, _occlusion_steps(placed), watch)
+    return bake_sprites.bake(store, occlusion_steps(placed), watch)
 
 
-def _occlusion_steps(placed: PlacedMesh) -> bake_sprites.Sprite:
+def occlusion_steps(placed: PlacedMesh) -> bake_sprites.Sprite:
     """Rays, then components, each an entry of its own."""
     from bake import compress, occlusion
     from formats.occlusion import Occlusion, OcclusionHarmonics
@@ -131,11 +135,11 @@ def _occlusion_steps(placed: PlacedMesh) -> bake_sprites.Sprite:
 
 
 def _transfer(placed: PlacedMesh, store: Store, watch: Watch | None) -> Entry:
-    stage, source, params = _transfer_stage(placed)
+    stage, source, params = transfer_stage(placed)
     return store.run(stage, source, params=params, on_progress=watch)
 
 
-def _transfer_stage(placed: PlacedMesh) -> tuple[Stage, Source[Any], Any]:
+def transfer_stage(placed: PlacedMesh) -> tuple[Stage, Source[Any], Any]:
     from bake import transfer
 
     knobs = placed.transfer
@@ -161,10 +165,10 @@ def _light(scene: scenes.Scene, lit: bool, store: Store, watch: Watch | None) ->
     """Bake faces, and light where nothing moves, of cells that are baked before."""
     from pipelines import bake_cubes
 
-    return bake_cubes.light(store, scene, _light_inputs(store, scene, lit), lit, watch)
+    return bake_cubes.light(store, scene, light_inputs(store, scene, lit), lit, watch)
 
 
-def _light_inputs(store: Store, scene: scenes.Scene, lit: bool) -> list[Any]:
+def light_inputs(store: Store, scene: scenes.Scene, lit: bool) -> list[Any]:
     from pipelines import bake_cubes
 
     assert scene.voxels is not None
@@ -224,10 +228,10 @@ def _located(store: Store, scene: scenes.Scene, asset: str) -> tuple[Entry, ...]
         return _located_cubes(store, scene, kind, name)
     if kind == "occlusion":
         placed = next(placed for placed in scene.meshes if placed.name == name)
-        return bake_sprites.located(store, _occlusion_steps(placed))
+        return bake_sprites.located(store, occlusion_steps(placed))
     if kind == "transfer":
         placed = next(placed for placed in scene.meshes if placed.name == name)
-        stage, source, params = _transfer_stage(placed)
+        stage, source, params = transfer_stage(placed)
     elif kind == "mesh":
         placed = next(placed for placed in scene.meshes if placed.name == name)
         stage, source, params = _mesh_stage(placed.source)
@@ -246,7 +250,7 @@ def _located_cubes(store: Store, scene: scenes.Scene, kind: str, name: str) -> t
     if kind == "voxels":
         return bake_sprites.located(store, bake_cubes.cells(scene.voxels, name))
     lit = kind == "lightmap"
-    return (bake_cubes.located(store, scene, _light_inputs(store, scene, lit), lit),)
+    return (bake_cubes.located(store, scene, light_inputs(store, scene, lit), lit),)
 
 
 def _environment(light: scenes.Light, store: Store, watch: Watch | None) -> Entry:
@@ -263,8 +267,9 @@ def _environment_stage(light: scenes.EnvironmentLight) -> tuple[Stage, Source[An
 
 
 def _assemble(
-    folder: Path, scene: scenes.Scene, path: Path, plan: Plan, entries: dict[str, Entry]
-) -> None:
+    folder: Path, scene: scenes.Scene, path: Path, plan: Plan, entries: dict[str, Entry],
+    price: dict[str, Any] | None,
+) -> None:  # fmt: skip
     """Publish the scene's sealed folder; one that is there, intact and says the same stays."""
     assets = {name: f"assets/{entry.key[:32]}" for name, entry in entries.items()}
     manifest = {
@@ -277,8 +282,10 @@ def _assemble(
         "plan": plan.as_dict(),
         "assets": assets,
         "keys": sorted(entry.key for entry in entries.values()),
+        **({} if price is None else {"price": price}),
     }
     text = json.dumps(manifest, indent=1, sort_keys=True, allow_nan=False) + "\n"
+    sweep(folder)
     if _says(folder, text):
         return
 
@@ -336,7 +343,7 @@ def _sources(scene: scenes.Scene) -> dict[str, str]:
     files: list[Path] = []
     for group in scene.billboards:
         listed = photograph_files.files if group.photographed else sources.files
-        files += listed(group.source)
+        files += [group.source] if group.pictured else listed(group.source)
     files += [file for placed in scene.meshes for file in sources.files(placed.source)]
     if scene.voxels is not None:
         from pipelines import bake_cubes

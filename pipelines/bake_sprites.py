@@ -17,7 +17,7 @@ import numpy as np
 from bake import mips, recipe, sources
 from bake.recipe import Baked, Entry, Source, Stage
 from bake.store import Store, seconds_of
-from formats import photograph_files
+from formats import photograph_files, picture_files
 from formats.coefficients import Coefficients
 from formats.effects import largest_lod
 from formats.mesh import Mesh
@@ -49,6 +49,8 @@ class Sprite:
 
 def of_scene(scene: Scene, group: Billboards) -> Sprite:
     """Return how a scene's set is baked. InputError where its source cannot be read."""
+    if group.pictured:
+        return _picture(scene, group)
     if group.photographed:
         lines = photograph_files.size(group.source)[1]
         source: Source[Any] = photographs_source(group.source)
@@ -62,6 +64,17 @@ def of_scene(scene: Scene, group: Billboards) -> Sprite:
         return Sprite(source, ring_of_mesh(_trace(group), _pack(scene, group, group.resolution)))
     steps = dome_of_mesh(_renders(group), _dome(scene, group, group.resolution))
     return Sprite(source, steps)
+
+
+def _picture(scene: Scene, group: Billboards) -> Sprite:
+    from bake import picture
+    from formats.picture import Picture
+
+    lines = picture_files.baked_size(group.source, group.resolution)[1]
+    lod = _max_lod(scene, group, lines, picture.Params.filter)
+    params = picture.of_file(group.source, group.resolution, lod)
+    source = Source((group.source,), partial(picture.load, group.source))
+    return Sprite(source, (Step(picture.prepare, params, Picture.load),))
 
 
 def bake(store: Store, sprite: Sprite, watch: Watch | None = None) -> Entry:
@@ -210,9 +223,9 @@ def _pack(scene: Scene, group: Billboards, lines: int) -> mips.Params:
     )
 
 
-def _max_lod(scene: Scene, group: Billboards, lines: int) -> float:
+def _max_lod(scene: Scene, group: Billboards, lines: int, filter: str = "") -> float:
     """Return the coarsest level that the lens asks of a set of `lines` texels along its height."""
-    scale = mips.FILTERS[mips.Params().filter].lens_scale
+    scale = mips.FILTERS[filter or mips.Params().filter].lens_scale
     lod = largest_lod(scene, group, lines / group.height, scale)
     # Whole levels: a small change of the lens then bakes nothing anew
     return float(min(7, np.ceil(lod)))

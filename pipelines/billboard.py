@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipelines.cli import build_option, file_path, jobs_option, json_option
+from pipelines.price_cli import asked, bake_by_price, free, price_options, watch_of
 from pipelines.single import folder_out, knob
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ DOME_ALONE = ("bands", "penalty", "channels")
 @knob("--bands", 0, "Dome: bands of harmonics; 0 chooses by held-out error.")
 @knob("--penalty", 0.0, "Dome: smoothness; 0 chooses by held-out error.")
 @knob("--channels", 16, "Dome: numbers a pixel, one of them coverage.")
+@price_options
 @build_option
 @jobs_option
 @json_option
@@ -56,6 +58,8 @@ def billboard(
     source: Path,
     out: Path,
     dome: bool,
+    target_error: float | None,
+    budget: float | None,
     build: Path,
     jobs: int,
     as_json: bool,
@@ -71,6 +75,16 @@ def billboard(
     else:
         refuse(context, DOME_ALONE, "add --dome, or remove it")
     steps = dome_steps(knobs) if dome else ring_steps(knobs)
+    if ask := asked(target_error, budget):
+        from pipelines import price_dome, price_sprites
+
+        by = price_dome.DomeAsset if dome else price_sprites.RingAsset
+        chosen = price_dome.CHOSEN if dome else price_sprites.CHOSEN
+        subject = by(source, steps[0].params, steps[1].params, free(chosen))
+        with output.bars() as bar:
+            watch = watch_of(bar, source)
+            bake_by_price(Store(build / "store"), subject, ask, out, as_json, watch)
+        return
     sprite = bake_sprites.Sprite(bake_sprites.mesh_source(source), steps)
     with output.bars() as bar:
         watch = None if bar is None else lambda fraction: bar(source.name, fraction)

@@ -14,6 +14,7 @@ from typing import Any
 import click
 
 from formats.errors import BakelightError
+from pipelines import price_cli
 
 BUILD = Path("build")
 file_path = click.Path(path_type=Path)
@@ -63,15 +64,19 @@ def cli() -> None:
     callback=_kind,
     help="Bake one kind of asset alone, such as lightmap, with what it is made from.",
 )
+@price_cli.price_options
 @json_option
 def bake(
-    scene: Path, root: Path | None, build: Path, jobs: int, only: str | None, as_json: bool
-) -> None:
+    scene: Path, root: Path | None, build: Path, jobs: int, only: str | None,
+    target_error: float | None, budget: float | None, as_json: bool,
+) -> None:  # fmt: skip
     """Bake what SCENE calls for into build/scenes/NAME."""
     from pipelines import output
     from pipelines.bake_scene import bake_scene
 
     output.use_threads(jobs)
+    if price_cli.bake_scene(scene, root, build, only, target_error, budget, as_json):
+        return
     with output.bars() as bar:
         done = bake_scene(scene, root=root, build_folder=build, only=only, on_progress=bar)
     output.baked(done, as_json)
@@ -87,12 +92,17 @@ def bake(
     default=1080,
     help="Picture height that bounds are for.",
 )
+@price_cli.price_options
 @json_option
-def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool) -> None:
+def plan(
+    scene: Path, root: Path | None, build: Path, lines: int, target_error: float | None,
+    budget: float | None, as_json: bool,
+) -> None:  # fmt: skip
     """Tell which effects SCENE calls for, which not, why, and what they cost."""
     from pipelines import output
 
-    output.planned(scene, root, build, lines, as_json)
+    ask = price_cli.asked(target_error, budget)
+    output.planned(scene, root, build, lines, as_json, ask)
 
 
 @cli.command()
@@ -106,8 +116,19 @@ def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool)
 )
 @click.option(
     "--frames",
-    help="A:B or A:B:STEP, frame numbers from A to before B: a sequence, .gif, .webp, .mp4.",
+    help="A:B or A:B:STEP, frame numbers from A to before B: a sequence (name.####.png or a "
+    "folder), .gif, .webp, .mp4.",
 )
+@click.option(
+    "--layers", metavar="NAMES",
+    help="Of an .exr, beside its light: all, or some of depth, position, normal, id, coverage, "
+    "opaque, sprites, before_post, with commas.",
+)  # fmt: skip
+@click.option(
+    "--quality", type=click.IntRange(1, 100), default=80, show_default=True,
+    help="Of .webp and .mp4.",
+)  # fmt: skip
+@click.option("--skip-existing", is_flag=True, help="Leave pictures that are there already.")
 @click.option("--profile", is_flag=True, help="Print what each pass costs.")
 @click.option(
     "--reference", is_flag=True, help="Trace the scene by paths, as the truth; no OpenGL."
@@ -121,23 +142,26 @@ def plan(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool)
 @jobs_option
 @json_option
 def render(
-    scene: Path, out: Path, size: str, times: tuple[float, ...], frames: str | None, profile: bool,
-    reference: bool, samples: int, root: Path | None, build: Path, jobs: int, as_json: bool,
+    scene: Path, out: Path, size: str, times: tuple[float, ...], frames: str | None,
+    layers: str | None, quality: int, skip_existing: bool, profile: bool, reference: bool,
+    samples: int, root: Path | None, build: Path, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Render SCENE without a window: .png, .exr (linear), sequence, .gif, .webp or .mp4."""
     from pipelines import output
-    from pipelines.render_scene import render_scene, trace_scene
+    from pipelines.render_scene import Options, render_scene, trace_scene
 
     output.use_threads(jobs)
+    options = Options(layers, quality, skip_existing)
     if reference:
         traced = trace_scene(
-            scene, out, size=size, times=times, frames=frames, samples=samples, root=root
-        )
+            scene, out, size=size, times=times, frames=frames, samples=samples, root=root,
+            options=options,
+        )  # fmt: skip
         output.traced(traced, as_json=as_json)
         return
     job = render_scene(
         scene, out, size=size, times=times, frames=frames, root=root, build_folder=build,
-        measured=profile,
+        measured=profile, options=options,
     )  # fmt: skip
     output.rendered(job, as_json=as_json, profile=profile)
 
@@ -148,25 +172,47 @@ def render(
 @root_option
 @build_option
 @jobs_option
-def view(scene: Path, size: str, root: Path | None, build: Path, jobs: int) -> None:
-    """Open SCENE in a window: orbit, pan, dolly, time, light, focus; H prints the keys."""
+@json_option
+def view(scene: Path, size: str, root: Path | None, build: Path, jobs: int, as_json: bool) -> None:
+    """Open SCENE in a window that follows its files: look, play, light, compare; F1 lists keys."""
     from pipelines import output
-    from pipelines.render_scene import view_scene
+    from pipelines.render_scene import parse_size
+    from pipelines.view_scene import view_scene
 
     output.use_threads(jobs)
-    view_scene(scene, size=size, root=root, build_folder=build)
+    view_scene(
+        scene, size=parse_size(size), root=root, build_folder=build, threads=jobs, as_json=as_json
+    )
 
 
 @cli.command()
 @click.argument("questions", nargs=-1)
 @click.option("-o", "--output", "out", type=file_path, default=BUILD / "studies", show_default=True)
-@click.option("--quick", is_flag=True, help="Fewer points and smaller pictures.")
-@click.option("--source", type=file_path, default=None, help="A mesh of your own instead of ours.")
-def study(questions: tuple[str, ...], out: Path, quick: bool, source: Path | None) -> None:
-    """Measure error against time; without QUESTIONS, all. `study list` names them."""
+@click.option("--quick", is_flag=True, help="Fewer points and smaller pictures: all in 5 minutes.")
+@click.option(
+    "--source",
+    type=file_path,
+    default=None,
+    help="A mesh, photographs (.lp), voxels (.vox) or a scene of your own instead of ours.",
+)
+@click.option("--again", is_flag=True, help="Measure again what is kept from an earlier run, too.")
+@json_option
+def study(
+    questions: tuple[str, ...],
+    out: Path,
+    quick: bool,
+    source: Path | None,
+    again: bool,
+    as_json: bool,
+) -> None:
+    """Measure error against time; without QUESTIONS, all. `study list` names them.
+
+    What was measured before is kept, so that an interrupted run goes on where it stopped; all
+    answers stand in index.html of the output folder.
+    """
     from pipelines.studies import run
 
-    run.run(questions, out, quick=quick, source=source)
+    run.run(questions, out, quick=quick, source=source, again=again, as_json=as_json)
 
 
 def main() -> None:

@@ -2,48 +2,68 @@
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import os
+import re
 import shutil
+import sys
 import tempfile
+import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 
+from bake.publish import flush, flush_tree
 from formats import seal
 from formats.errors import DamagedError, InputError, MachineError
 
 ATTEMPTS = 16
+STALE_HOURS = 6
+NO_FOLDER, EXCHANGE = -1, 2  # of renameat2: paths are absolute; swap
+LONGEST = 40  # characters of a target's name that its temporaries carry
 
 
-def deliver(source: Path, target: Path) -> None:
+def deliver(source: Path, target: Path, amend: Callable[[Path], None] | None = None) -> None:
     """Put a copy of the sealed folder `source` at `target`; a copy that is there and intact stays.
 
-    What stood there is replaced only if it is a baked folder. InputError, MachineError.
+    amend : adds to the copy and seals it anew. What stood there is replaced only if it is a baked
+    folder. InputError, MachineError.
     """
+    sweep(target)
     if target.exists():
         if not target.is_dir() or (any(target.iterdir()) and not seal.is_sealed(target)):
             remedy = "name a new or empty folder"
             raise InputError(target, "--output", "is not a baked folder", remedy)
-        if _same(source, target):
+        if amend is None and _same(source, target):
             return
-    publish(target, lambda temporary: copy(source, temporary))
+
+    def fill(temporary: Path) -> None:
+        copy(source, temporary)
+        if amend is not None:
+            amend(temporary)
+
+    publish(target, fill)
 
 
 def publish(target: Path, fill: Callable[[Path], None]) -> None:
     """Fill a temporary folder beside `target` and rename it into its place.
 
-    A folder that is there steps aside first; whoever is killed between the two renames finds no
-    folder, never half of one. MachineError where the disk is full or cannot be written.
+    A folder that is there changes places with it in one step or, where the system has none such,
+    steps aside first: whoever is killed between two renames finds no folder, never half of one. A
+    power cut finds the bytes wherever it finds the name, since they are flushed first. MachineError
+    where the disk is full or cannot be written.
     """
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        room = Path(tempfile.mkdtemp(dir=target.parent, prefix=".tmp-"))
+        room = Path(tempfile.mkdtemp(dir=target.parent, prefix=_prefix(target)))
         try:
             os.chmod(room, 0o755)
             (room / "new").mkdir()
             fill(room / "new")
+            flush_tree(room / "new")
             _replace(room, target)
+            flush(target.parent)
         finally:
             shutil.rmtree(room, ignore_errors=True)
     except OSError as error:
@@ -52,18 +72,53 @@ def publish(target: Path, fill: Callable[[Path], None]) -> None:
         raise MachineError(target, "", reason, remedy) from error
 
 
+def sweep(target: Path) -> None:
+    """Remove what killed processes left beside `target` hours ago, their temporaries for it.
+
+    The parent may be any folder of the user's: only what can have come from `publish` goes.
+    """
+    made = re.compile(re.escape(_prefix(target)) + "[a-z0-9_]{8}")
+    latest = time.time() - 3600 * STALE_HOURS
+    with suppress(OSError):
+        for room in list(os.scandir(target.parent)):
+            if not made.fullmatch(room.name) or not room.is_dir(follow_symlinks=False):
+                continue
+            inside = {re.sub(r"\d+$", "", name) for name in os.listdir(room)}
+            if inside <= {"new", "old-"} and room.stat().st_mtime < latest:
+                shutil.rmtree(room, ignore_errors=True)
+
+
+def _prefix(target: Path) -> str:
+    return f".tmp-{target.name[:LONGEST]}-"
+
+
 def _replace(room: Path, target: Path) -> None:
     """Put `room`/new at `target`; what other processes put there meanwhile steps aside as well."""
     for attempt in range(ATTEMPTS):
+        old = room / f"old-{attempt}"
+        if _exchanged(room / "new", target):
+            return
         with suppress(FileNotFoundError):
-            os.rename(target, room / f"old-{attempt}")
+            os.rename(target, old)
         try:
             os.rename(room / "new", target)
             return
         except OSError as error:
             taken = error.errno in (errno.ENOTEMPTY, errno.EEXIST, errno.ENOTDIR)
             if not taken or attempt == ATTEMPTS - 1:
+                with suppress(OSError):
+                    os.rename(old, target)
                 raise
+
+
+def _exchanged(new: Path, target: Path) -> bool:
+    """Swap two folders in one step, renameat2(2); False where the system cannot, or one is
+    missing."""
+    if sys.platform != "linux":
+        return False
+    swap = getattr(ctypes.CDLL(None), "renameat2", None)
+    names = os.fsencode(new.absolute()), os.fsencode(target.absolute())
+    return swap is not None and swap(NO_FOLDER, names[0], NO_FOLDER, names[1], EXCHANGE) == 0
 
 
 def copy(source: Path, target: Path) -> None:

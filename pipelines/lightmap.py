@@ -9,6 +9,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipelines.cli import build_option, file_path, jobs_option, json_option
+from pipelines.price_cli import (
+    asked,
+    bake_by_price,
+    price_options,
+    refuse_written,
+    watch_of,
+)  # fmt: skip
 from pipelines.single import folder_out, knob
 
 if TYPE_CHECKING:
@@ -35,12 +42,14 @@ SKY_WIDTH = 256
 )
 @click.option("--cell-size", type=float, help="Metres of a cell of a .vox file.")
 @click.option("--grid", type=int, help="Cells along a mesh's longest side.")
+@price_options
 @build_option
 @jobs_option
 @json_option
 def lightmap(
     source: Path, out: Path, environment: Path | None, emissive: tuple[str, ...],
-    cell_size: float | None, grid: int | None, build: Path, jobs: int, as_json: bool, **knobs: Any,
+    cell_size: float | None, grid: int | None, target_error: float | None, budget: float | None,
+    build: Path, jobs: int, as_json: bool, **knobs: Any,
 ) -> None:  # fmt: skip
     """Bake the light on the faces of a world of cubes: a baked folder, .vox, .xraw or a mesh."""
     from bake import lightmap as stage
@@ -55,6 +64,13 @@ def lightmap(
         watch = None if bar is None else lambda fraction: bar(source.name, fraction)
         inputs = [world(store, source, emissive, cell_size=cell_size, grid=grid)]
         inputs += [] if environment is None else [sky(store, environment)]
+        if ask := asked(target_error, budget):
+            from pipelines.price_lightmap import of_inputs
+
+            refuse_written(("rays", "target"))
+            subject = of_inputs(str(source), inputs, params)
+            bake_by_price(store, subject, ask, out, as_json, watch_of(bar, source))
+            return
         entry = store.run(stage.light, *inputs, params=params, on_progress=watch)
     if not as_json:
         from formats import report

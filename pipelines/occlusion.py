@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipelines.cli import build_option, file_path, jobs_option, json_option
+from pipelines.price_cli import asked, bake_by_price, free, price_options, watch_of
 from pipelines.single import folder_out, knob
 
 if TYPE_CHECKING:
@@ -36,15 +37,28 @@ if TYPE_CHECKING:
 @knob("--components", 16, "Of talk: numbers a voxel, four a volume.")
 @knob("--size", 512, "Of bands: KiB, at most.")
 @knob("--depth", "8", "Bits a number: 8, or 16 as half floats.", ("8", "16"))
+@price_options
 @build_option
 @jobs_option
 @json_option
-def occlusion(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **knobs: Any) -> None:
+def occlusion(
+    source: Path, out: Path, target_error: float | None, budget: float | None, build: Path,
+    jobs: int, as_json: bool, **knobs: Any,
+) -> None:  # fmt: skip
     """Bake the soft shadows that a mesh casts around it: OBJ, PLY, STL, OFF, GLB, glTF."""
     from bake.store import Store
     from pipelines import bake_sprites, output
 
     output.use_threads(jobs)
+    if ask := asked(target_error, budget):
+        from pipelines.price_occlusion import CHOSEN, OcclusionAsset
+
+        trace, pack = (step.params for step in steps(knobs))
+        subject = OcclusionAsset(source, trace, pack, free(CHOSEN))
+        with output.bars() as bar:
+            watch = watch_of(bar, source)
+            bake_by_price(Store(build / "store"), subject, ask, out, as_json, watch)
+        return
     sprite = bake_sprites.Sprite(bake_sprites.mesh_source(source), steps(knobs))
     with output.bars() as bar:
         watch = None if bar is None else lambda fraction: bar(source.name, fraction)

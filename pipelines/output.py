@@ -16,11 +16,14 @@ if TYPE_CHECKING:
     from bake.recipe import Entry
     from bake.store import Finding
     from pipelines.bake_scene import SceneBake
+    from pipelines.price import Ask
     from pipelines.render_scene import RenderJob
 
 
 def use_threads(count: int) -> None:
     """Bake with `count` threads; 0 means one a core."""
+    if not count:
+        return
     from bake import workers
 
     workers.use(count)
@@ -52,10 +55,13 @@ def dump(data: object) -> None:
     click.echo(json.dumps(data, indent=1, sort_keys=True, allow_nan=False, default=str))
 
 
-def planned(scene: Path, root: Path | None, build: Path, lines: int, as_json: bool) -> None:
-    """Print the plan of a scene file, with measured seconds where it was baked before."""
+def planned(
+    scene: Path, root: Path | None, build: Path, lines: int, as_json: bool, ask: Ask | None = None
+) -> None:
+    """Print the plan of a scene file, with measured seconds where it was baked before; ask : and
+    what its assets would be bought at."""
     from formats import scene as scenes
-    from pipelines import pass_times, plan
+    from pipelines import pass_times, plan, price_plan
     from pipelines.bake_scene import known_reports, known_seconds
 
     loaded = scenes.load(scene, root)
@@ -66,10 +72,15 @@ def planned(scene: Path, root: Path | None, build: Path, lines: int, as_json: bo
         seconds=known_seconds(loaded, build),
         milliseconds=pass_times.known(loaded, build, lines),
     )
-    if as_json:
+    offers = price_plan.offers(loaded, result, build, ask) if ask else []
+    if as_json and ask:
+        dump({**result.as_dict(), "prices": [offer.as_dict() for offer in offers]})
+    elif as_json:
         click.echo(plan.as_json(result))
     else:
         plan.show(result)
+        for offer in offers:
+            click.echo(offer.line())
 
 
 def baked(done: SceneBake, as_json: bool) -> None:
@@ -89,10 +100,22 @@ def baked(done: SceneBake, as_json: bool) -> None:
 def rendered(job: RenderJob, *, as_json: bool, profile: bool) -> None:
     """Say what was written, and what each pass cost when asked."""
     if as_json:
-        dump({"files": [str(f) for f in job.files], "profile": job.profile})
+        dump(
+            {
+                "files": [str(f) for f in job.files],
+                "skipped": [str(f) for f in job.skipped],
+                "size": list(job.size),
+                "frames": job.frames,
+                "seconds": job.seconds,
+                "bytes": job.bytes,
+                "profile": job.profile,
+            }
+        )
         return
     for file in job.files:
         click.echo(str(file))
+    if job.skipped:
+        click.echo(f"{len(job.skipped)} there already, left as they are", err=True)
     if profile:
         from pipelines.profile import show
 

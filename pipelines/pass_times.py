@@ -22,6 +22,7 @@ ESTIMATES = {
     "occlusion": 450.0,
     "fog": 25.0,
     "defocus": 900.0,
+    "particles": 2.0,
     "billboard": 40.0,
     "radial_blur": 130.0,
     "bloom": 130.0,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pipelines.cli import build_option, file_path, jobs_option, json_option
+from pipelines.price_cli import asked, bake_by_price, free, price_options
 from pipelines.single import folder_out, knob
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ RING_ALONE = ("tolerance", "terms")
 @click.option("--ring", type=float, help="Take only lights about this elevation, degrees: a ring.")
 @knob("--tolerance", 10.0, "Ring: degrees that a light may stand off it.")
 @knob("--terms", 5, "Ring: circular harmonics kept, odd.")
+@price_options
 @build_option
 @jobs_option
 @json_option
@@ -42,6 +44,8 @@ def photographs(
     space: Space,
     hold_out: str,
     ring: float | None,
+    target_error: float | None,
+    budget: float | None,
     build: Path,
     jobs: int,
     as_json: bool,
@@ -54,6 +58,17 @@ def photographs(
 
     output.use_threads(jobs)
     held = held_out(source, hold_out)
+    if ask := asked(target_error, budget):
+        from formats.errors import InputError
+        from pipelines.price_dome import PhotographsAsset
+
+        if ring is not None:
+            remedy = "remove it: only a dome of photographs has a price"
+            raise InputError("command line", "--ring", ring, remedy)
+        params = dome_steps(held, knobs)[0].params
+        subject = PhotographsAsset(source, space, params, bool(free(("channels",))))
+        bake_by_price(Store(build / "store"), subject, ask, out, as_json, None)
+        return
     if ring is None:
         refuse(context, RING_ALONE, "add --ring ELEVATION, or remove it")
         steps = dome_steps(held, knobs)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from formats import effects, motion, photograph_files
+from formats import effects, motion, photograph_files, picture_files
 from formats.plan import LINES, AssetPlan, EffectPlan, LightPlan, Plan
 from formats.scene import Billboards, EnvironmentLight, PlacedMesh, Scene, VoxelWorld
 from pipelines import pass_times
@@ -21,6 +21,9 @@ FEW = 3  # moving things that a plan names
 LIGHT_SAMPLES_A_SECOND = 1e8  # texels times samples times lights: 2 cores, mesh of 70,000 faces
 BILLBOARD_START = 0.5  # seconds: reading a mesh, building its tree
 PIXEL_LIGHTS_A_SECOND = 5e6  # of photographs' fit, decoding included: 72 of 402 x 395 in 2.5 s
+PICTURE_START = 0.1  # seconds
+PICTURE_TEXELS_A_SECOND = 2e6  # decoding and mip levels
+TYPICAL_PICTURE = 256  # texels a side, where a plan is made without its sources
 DOME_KNOBS = 1.5  # seconds: choosing a dome's smoothness, whatever its size
 ENVIRONMENT_SECONDS = 0.5
 MESH_SECONDS = 1.0
@@ -69,6 +72,8 @@ def build(
     lights = effects.lights(scene, reports)
     kinds = {kind for effect in decided if effect.called for kind in effect.kinds}
     sprites = sum(len(b.instances()) for b in scene.billboards) if "billboard" in kinds else 0
+    if any(effect.called and effect.name == "particles" for effect in decided):
+        sprites += sum(each.most for each in scene.particles)
     assets = _assets(scene, kinds, lights, seconds)
     moving = motion.moving(scene)
     return Plan(
@@ -176,6 +181,8 @@ def _mesh_bytes(mesh: PlacedMesh) -> int:
 def _seconds(billboards: Billboards) -> float:
     """Estimate of a bake, seconds."""
     width, height = _size(billboards)
+    if billboards.pictured:
+        return PICTURE_START + width * height / PICTURE_TEXELS_A_SECOND
     if billboards.photographed:
         lights = _photographs(billboards)
         start = DOME_KNOBS if billboards.dome else BILLBOARD_START
@@ -190,6 +197,9 @@ def _seconds(billboards: Billboards) -> float:
 
 def _bytes(billboards: Billboards) -> int:
     """Estimate of a set's textures as if the object were as wide as it is high."""
+    if billboards.pictured:
+        width, height = _size(billboards)
+        return int(width * height * MARGIN**2 * 8 * MIPS)
     if billboards.dome is not None:
         planes = -(-billboards.dome.channels // 4)
     else:
@@ -201,6 +211,10 @@ def _bytes(billboards: Billboards) -> int:
 
 def _size(billboards: Billboards) -> tuple[int, int]:
     """Width and height in texels, of photographs those of the first."""
+    if billboards.pictured:
+        if not billboards.source.is_file():
+            return (billboards.resolution or TYPICAL_PICTURE,) * 2
+        return picture_files.baked_size(billboards.source, billboards.resolution)
     if billboards.photographed and billboards.source.is_file():
         return photograph_files.size(billboards.source)
     return billboards.resolution, billboards.resolution

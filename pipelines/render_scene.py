@@ -4,32 +4,54 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formats import scene as scenes
 from formats.errors import DamagedError, InputError
-from formats.schema import MAX_SECONDS
-from pipelines import current, pass_times
+from pipelines import current, moments, pass_times
+from pipelines.moments import MOVIES, Moment
 
 MAX_SIDE = 16384
-MOVIES = (".gif", ".webp", ".mp4")
-MAX_FRAMES = 1_000_000
+Each = TypeVar("Each")
 
 
 @dataclass
 class RenderJob:
-    """What a render wrote, and the player's counts."""
+    """What a render wrote, and the player's counts.
+
+    size : width and height, pixels. frames : drawn. skipped : files that were there already.
+    seconds : from the baked scene to the last file.
+    """
 
     files: list[Path] = field(default_factory=list)
     profile: dict[str, Any] = field(default_factory=dict)
+    size: tuple[int, int] = (0, 0)
+    frames: int = 0
+    skipped: list[Path] = field(default_factory=list)
+    seconds: float = 0.0
+
+    @property
+    def bytes(self) -> int:
+        """Of all files written."""
+        return sum(file.stat().st_size for file in self.files)
+
+
+@dataclass(frozen=True)
+class Options:
+    """How files are written. layers : of an .exr, beside its light. quality : 1 to 100, of movies.
+    skip_existing : leave pictures that are there already as they are."""
+
+    layers: str | None = None
+    quality: int = 80
+    skip_existing: bool = False
 
 
 def render_scene(
@@ -42,27 +64,37 @@ def render_scene(
     root: Path | None = None,
     build_folder: Path = Path("build"),
     measured: bool = False,
+    options: Options = Options(),
 ) -> RenderJob:
     """Render a scene to files. Raises InputError, MachineError, DamagedError.
 
-    out : a picture (.png, .exr), a movie (.gif, .webp, .mp4, with `frames`), or a folder for one
-    picture a time or frame. measured : then draw some of its frames again to measure each pass.
+    out : a picture (.png, .exr), a movie (.gif, .webp, .mp4, with `frames`), a numbered name
+    (name.####.exr, with `frames`), or a folder for one picture a time or frame. measured : then
+    draw some of its frames again to measure each pass.
     """
     width, height = parse_size(size)
     if out.suffix.lower() not in ("", ".png", ".exr", *MOVIES):
         remedy = "write .png, .exr, .gif, .webp, .mp4 or a folder"
         raise InputError("command line", "--output", str(out), remedy)
+    from pipelines import layers
+
+    names = layers.parse(options.layers, out)
     scene = scenes.load(path, root)
-    wanted = _moments(scene, times, frames, out)
+    wanted = moments.chosen(scene, times, frames, out)
+    if out.suffix.lower() in MOVIES:
+        from pipelines import movie
+
+        movie.check(out, _rate(scene, wanted), len(wanted), (width, height))
     player = _player(path, scene, root, build_folder, (width, height))
-    job = RenderJob()
+    job, started = RenderJob(size=(width, height)), perf_counter()
     try:
-        _write(player, wanted, out, scene.time.frame_rate, job)
+        _write(player, wanted, out, _rate(scene, wanted), job, names, options)
+        job.seconds = perf_counter() - started
         job.profile = player.profile
         if measured:
             from pipelines import profile
 
-            job.profile = profile.measure(player, [time for _, time in wanted])
+            job.profile = profile.measure(player, [moment.time for moment in wanted])
     finally:
         player.close()
     # What one frame took in passing does not replace what was measured
@@ -80,6 +112,7 @@ def trace_scene(
     frames: str | None = None,
     samples: int = 64,
     root: Path | None = None,
+    options: Options = Options(),
 ) -> RenderJob:
     """Trace a scene by paths instead of playing it: no bake, no OpenGL. Raises InputError.
 
@@ -91,16 +124,23 @@ def trace_scene(
     if out.suffix.lower() not in ("", ".png", ".exr"):
         remedy = "the reference writes .png, .exr or a folder"
         raise InputError("command line", "--output", str(out), remedy)
+    if options.layers is not None:
+        remedy = "the reference writes light and error only"
+        raise InputError("command line", "--layers", options.layers, remedy)
     scene = scenes.load(path, root)
     from bake import reference, reference_cubes, workers
     from pipelines.output import bars
 
-    wanted, job = _moments(scene, times, frames, out), RenderJob()
-    for name, time in wanted:
+    wanted, job = moments.chosen(scene, times, frames, out), RenderJob(size=(width, height))
+    for moment in wanted:
+        name, target = moment.name, moments.target(out, moment)
+        if options.skip_existing and target.is_file():
+            job.skipped.append(target)
+            continue
         params = reference.Params(
             width=width,
             height=height,
-            time=time,
+            time=moment.time,
             samples=samples,
             bounces=max(reference.Params.bounces, reference_cubes.bounces(scene)),
         )
@@ -109,9 +149,10 @@ def trace_scene(
             watch = None if bar is None else partial(bar, name)
             found = reference.render(scene, params=params, progress=watch or workers.silent)
         seconds = perf_counter() - started
-        target = _target(out, name, len(wanted))
-        _save_reference(found, scene, time, target)
+        _save_reference(found, scene, moment.time, target)
         job.files.append(target)
+        job.frames += 1
+        job.seconds += seconds
         job.profile[name] = {
             "seconds": seconds,
             "samples": found.samples,
@@ -131,16 +172,6 @@ def _save_reference(found: Any, scene: scenes.Scene, time: float, target: Path) 
     from formats.files import image
 
     image.write(target, develop(found.radiance, scene, time))
-
-
-def view_scene(path: Path, *, size: str, root: Path | None, build_folder: Path) -> None:
-    """Open a scene in a window. MachineError where there is no display."""
-    width, height = parse_size(size)
-    scene = scenes.load(path, root)
-    folder = current.ensure(path, scene, root, build_folder)
-    from runtime.viewer import view
-
-    view(folder, size=(width, height), pictures=build_folder / "renders")
 
 
 def _player(
@@ -171,90 +202,66 @@ def parse_size(text: str) -> tuple[int, int]:
     return sides[0], sides[1]
 
 
-def _moments(
-    scene: scenes.Scene, times: tuple[float, ...], frames: str | None, out: Path
-) -> list[tuple[str, float]]:
-    """List (name, time) of the pictures to make."""
-    if frames is not None and times:
-        raise InputError("command line", "--frames", frames, "give either --frames or --time")
-    if frames is None:
-        chosen = tuple(dict.fromkeys(times)) or (0.0,)
-        for time in chosen:
-            if not abs(time) <= MAX_SECONDS:
-                remedy = f"give seconds, at most {MAX_SECONDS:.0f}"
-                raise InputError("command line", "--time", time, remedy)
-        if len(chosen) > 1 and out.suffix:
-            raise InputError(
-                "command line", "--output", str(out), "name a folder for several times"
-            )
-        if out.suffix.lower() in MOVIES:
-            raise InputError("command line", "--output", str(out), "a movie needs --frames A:B")
-        return [
-            (f"{scene.name}-{stamp}", time)
-            for stamp, time in zip(_stamps(chosen), chosen, strict=True)
-        ]
-    match = re.fullmatch(r"(\d{1,12}):(\d{1,12})(?::(\d{1,12}))?", frames)
-    first, last, step = (int(n or 1) for n in match.groups()) if match else (0, 0, 0)
-    if not (last > first and step):
-        remedy = "write A:B or A:B:STEP with A < B, such as 0:48"
-        raise InputError("command line", "--frames", frames, remedy)
-    if len(range(first, last, step)) > MAX_FRAMES:
-        raise InputError("command line", "--frames", frames, f"ask for at most {MAX_FRAMES:,}")
-    rate = scene.time.frame_rate
-    return [(f"{scene.name}-{n:05d}", n / rate) for n in range(first, last, step)]
-
-
-def _stamps(times: tuple[float, ...]) -> list[str]:
-    """Write times with as many decimals, two at least, as tell them all apart.
-
-    >>> _stamps((0.5, 12.0))
-    ['000.50', '012.00']
-    """
-    for decimals in range(2, 17):
-        stamps = [f"{time:0{decimals + 4}.{decimals}f}" for time in times]
-        if len(set(stamps)) == len(times):
-            break
-    return stamps
+def _rate(scene: scenes.Scene, wanted: list[Moment]) -> float:
+    """Frames a second: every second frame at half the rate lasts as long as all of them."""
+    return 1.0 / (wanted[1].time - wanted[0].time) if len(wanted) > 1 else scene.time.frame_rate
 
 
 def _write(
-    player: Any, wanted: list[tuple[str, float]], out: Path, rate: float, job: RenderJob
-) -> None:
-    from formats.files import image
-
+    player: Any, wanted: list[Moment], out: Path, rate: float, job: RenderJob,
+    names: tuple[str, ...], options: Options,
+) -> None:  # fmt: skip
     if out.suffix.lower() in MOVIES:
         from pipelines import movie
 
         out.parent.mkdir(parents=True, exist_ok=True)
-        if len(wanted) > 1:
-            # Every second frame shown at half the rate lasts as long as all of them
-            rate = 1.0 / (wanted[1][1] - wanted[0][1])
-        movie.write(out, (player.frame(time)[..., :3] for _, time in wanted), rate, len(wanted))
+        frames = progress((player.frame(m.time)[..., :3] for m in wanted), len(wanted))
+        movie.write(out, frames, rate, len(wanted), options.quality)
         job.files.append(out)
+        job.frames = len(wanted)
         return
-    for name, time in wanted:
-        target = _target(out, name, len(wanted))
-        if target.suffix.lower() == ".exr":
-            from formats.files import exr
-
-            linear: NDArray[np.float32] = np.ascontiguousarray(player.linear(time)[..., :3])
-            exr.write(target, {"beauty": linear})
-        else:
-            image.write(target, np.ascontiguousarray(player.frame(time)[..., :3]))
+    write = _linear(player, names) if out.suffix.lower() == ".exr" else _finished(player)
+    for moment in progress(wanted, len(wanted)):
+        target = moments.target(out, moment)
+        if options.skip_existing and target.is_file():
+            job.skipped.append(target)
+            continue
+        write(target, moment.time)
         job.files.append(target)
+        job.frames += 1
 
 
-def _target(out: Path, name: str, count: int) -> Path:
-    """Return the file of one of `count` pictures, its folder made."""
-    suffix = out.suffix.lower()
-    target = out
-    if not suffix or count > 1:
-        target = (out.parent / out.stem if suffix else out) / f"{name}{suffix or '.png'}"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    return target
+def _finished(player: Any) -> Callable[[Path, float], None]:
+    from formats.files import image
+
+    def write(target: Path, time: float) -> None:
+        image.write(target, np.ascontiguousarray(player.frame(time)[..., :3]))
+
+    return write
 
 
-def progress(frames: Iterable[NDArray[np.uint8]], total: int) -> Iterator[NDArray[np.uint8]]:
+def _linear(player: Any, names: tuple[str, ...]) -> Callable[[Path, float], None]:
+    from formats.files import exr
+    from pipelines import layers
+
+    if names:
+        from runtime.layers import Layers
+
+        taken = Layers(player, names)
+
+        def write_layers(target: Path, time: float) -> None:
+            layers.save(target, taken.take(time), layers.attributes(player, time))
+
+        return write_layers
+
+    def write(target: Path, time: float) -> None:
+        linear: NDArray[np.float32] = np.ascontiguousarray(player.linear(time)[..., :3])
+        exr.write(target, {"beauty": linear}, attributes=layers.attributes(player, time))
+
+    return write
+
+
+def progress(frames: Iterable[Each], total: int) -> Iterator[Each]:
     """Pass frames on, with a bar on standard error where that is a terminal."""
     from pipelines.output import bars
 

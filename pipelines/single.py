@@ -19,6 +19,7 @@ folder_out = click.option(
 def add_to(group: click.Group) -> None:
     """Hang these commands under the program."""
     from pipelines.billboard import billboard
+    from pipelines.doctor import doctor
     from pipelines.lightmap import lightmap
     from pipelines.occlusion import occlusion
     from pipelines.photographs import photographs
@@ -27,6 +28,7 @@ def add_to(group: click.Group) -> None:
 
     commands = (
         billboard,
+        doctor,
         environment,
         lightmap,
         occlusion,

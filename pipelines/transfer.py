@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from pipelines.cli import build_option, file_path, jobs_option, json_option
+from pipelines.price_cli import asked, bake_by_price, free, price_options, watch_of
 from pipelines.single import folder_out, knob
 
 
@@ -26,10 +27,14 @@ from pipelines.single import folder_out, knob
 @knob("--edge", 0.03125, "Longest edge over the mesh's longest side; longer are halved; 0: none.")
 @knob("--components", 24, "Numbers a vertex, in fours.")
 @knob("--depth", "8", "Bits a number: 8, or 16 as half floats.", ("8", "16"))
+@price_options
 @build_option
 @jobs_option
 @json_option
-def transfer(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **knobs: Any) -> None:
+def transfer(
+    source: Path, out: Path, target_error: float | None, budget: float | None, build: Path,
+    jobs: int, as_json: bool, **knobs: Any,
+) -> None:  # fmt: skip
     """Bake what a mesh's vertices make of light: OBJ, PLY, STL, OFF, GLB, glTF."""
     from bake import transfer as stage
     from bake.store import Store
@@ -37,6 +42,14 @@ def transfer(source: Path, out: Path, build: Path, jobs: int, as_json: bool, **k
 
     output.use_threads(jobs)
     params = stage.Params(**{**knobs, "depth": int(knobs["depth"])})
+    if ask := asked(target_error, budget):
+        from pipelines.price_transfer import CHOSEN, TransferAsset
+
+        subject = TransferAsset(source, params, free(CHOSEN))
+        with output.bars() as bar:
+            watch = watch_of(bar, source)
+            bake_by_price(Store(build / "store"), subject, ask, out, as_json, watch)
+        return
     inputs = bake_sprites.mesh_source(source)
     with output.bars() as bar:
         watch = None if bar is None else lambda fraction: bar(source.name, fraction)

@@ -19,38 +19,38 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.errors import DamagedError, InputError
+from formats.errors import DamagedError
 from formats.meshes import PlacedMesh, Shadow
 from formats.occlusion import Occlusion
+from formats.occlusion import decode as stored_values
 from maths.colour import luminance
 from maths.occlusion_shadow import (
-    LOBES,
     disc_distance,
     disc_share,
+    occlusion_place,
     occlusion_unwarp,
+    occlusion_warp,
     receiver_facing,
     receiver_products,
 )
 from maths.spherical_rotation import rotate
+from runtime import shadow_light
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
 
 DARK = 1e-12
 """Least light, of all directions together, that a shadow is taken from: W/m2."""
-OTHERS = 88
-"""Uniform components of the shader but for lights, at most: 22 vectors, matrices in three."""
 
 
 @dataclass(frozen=True, eq=False)
 class Caster:
     """A mesh that casts a shadow.
 
-    number : among the scene's meshes, from 1.  textures : its volumes, slabs along z, of each grid.
+    number : among the scene's meshes, from 1.  volumes : shadow_light.Volumes, filled when drawn.
     edge : (m, 4 P) stored values at the volume's edge.  edge_share : (m,) `disc_share` of the
     places where they begin to thin, at most as far as a corner.  P : textures of four components.
     """
@@ -59,7 +59,7 @@ class Caster:
     placed: PlacedMesh
     shadow: Shadow
     asset: Occlusion
-    textures: tuple[Any, ...]
+    volumes: Any
     edge: Float
     edge_share: Array
 
@@ -143,7 +143,7 @@ def load(player: Any) -> tuple[Caster, ...]:
     Raises DamagedError where one is missing or its bytes changed.
     """
     folders = player.folders("occlusion")
-    shared: dict[Path, tuple[Occlusion, tuple[Any, ...]]] = {}
+    shared: dict[Path, tuple[Occlusion, Float, Array]] = {}
     casters = []
     for number, placed in enumerate(player.scene.meshes, start=1):
         if placed.shadow is None:
@@ -154,56 +154,19 @@ def load(player: Any) -> tuple[Caster, ...]:
             raise DamagedError(player.folder / "manifest.json", where, "missing", "bake it again")
         if folder not in shared:
             asset = Occlusion.load(folder)
-            shared[folder] = asset, textures(player, asset, placed.name)
-        asset, made = shared[folder]
-        if placed.shadow.receiver_normal:
-            check_uniforms(player, asset, placed)
-        edge, share = _edge(asset)
-        casters.append(Caster(number, placed, placed.shadow, asset, made, edge, share))
+            shared[folder] = asset, *_edge(asset)
+        asset, edge, share = shared[folder]
+        normals = placed.shadow.receiver_normal
+        volumes = shadow_light.Volumes(player, asset, placed.name, normals=normals)
+        casters.append(Caster(number, placed, placed.shadow, asset, volumes, edge, share))
     return tuple(casters)
-
-
-def textures(player: Any, asset: Occlusion, name: str) -> tuple[Any, ...]:
-    """Return the volumes of each grid as one linear, edge-clamped 3D texture, on one another along
-    z.
-
-    Raises InputError where this machine takes none so large.
-    """
-    limit = int(player.ctx.info["GL_MAX_3D_TEXTURE_SIZE"])
-    found = []
-    for grid in asset.grids:
-        count, z, y, x = grid.shape[:4]
-        if max(count * z, y, x) > limit:
-            remedy = f"this machine takes {limit} texels: lower grid, size or components"
-            raise InputError(name, "shadow", f"{count} volumes of {max(z, y, x)} voxels", remedy)
-        kind = "f2" if grid.dtype.itemsize == 2 else "f1"
-        data = np.ascontiguousarray(grid)
-        made = player.ctx.texture3d((x, y, z * count), 4, data, alignment=1, dtype=kind)
-        made.filter = (moderngl.LINEAR, moderngl.LINEAR)
-        made.repeat_x = made.repeat_y = made.repeat_z = False
-        found.append(player.targets.adopt(made, data.nbytes))
-    return tuple(found)
-
-
-def check_uniforms(player: Any, asset: Occlusion, placed: PlacedMesh) -> None:
-    """Raise InputError where shaders of this machine take too few numbers for a normal's light."""
-    limit = int(player.ctx.info["GL_MAX_FRAGMENT_UNIFORM_COMPONENTS"])
-    channels = 3 if placed.shadow is None or placed.shadow.coloured else 1
-    wanted = 4 * LOBES * 2 * (channels * len(asset.scales) // 4 + 1) + OTHERS
-    if wanted > limit:
-        remedy = f"this machine takes {limit}: lower components, or write coloured = false"
-        raise InputError(placed.name, "shadow.receiver_normal", f"{wanted} uniforms", remedy)
-
-
-def decode(asset: Occlusion) -> tuple[float, float]:
-    """Factor and offset that make of texture values what `formats.occlusion.decode` does."""
-    return (1.0, 0.0) if asset.volumes.dtype.itemsize == 2 else (255.0 / 127.0, -128.0 / 127.0)
 
 
 def _edge(asset: Occlusion) -> tuple[Float, Array]:
     """Stored values at the volume's edge, and `disc_share` of the farthest place of each.
 
-    Between middles of voxels, of either grid, a lookup there is linear along both axes.
+    Between middles of voxels, of either grid, a lookup there is linear along both axes. Side by
+    side of the box, each of which is looked up axis by axis.
     """
     extent = 2.0 * np.asarray(asset.box.half_extent)
     seams = [_seams(asset, axis) for axis in range(3)]
@@ -212,11 +175,42 @@ def _edge(asset: Occlusion) -> tuple[Float, Array]:
         np.minimum(np.where(at < 0, np.append(1.0, -at[:-1]), np.append(at[1:], 1.0)), 1.0)
         for at in seams
     ]
-    p, far = (np.stack(np.meshgrid(*axes, indexing="ij"), -1) for axes in (seams, outward))
-    outer = np.abs(p).max(axis=-1) == 1.0
-    distance = np.linalg.norm(far[outer] * extent, axis=1)
-    share = disc_share(distance, 0.5 * np.linalg.norm(extent))
-    return asset.slots(p[outer]), np.asarray(share)
+    stored = [np.concatenate(list(stored_values(grid)), axis=-1) for grid in asset.grids]
+    values, distances = [], []
+    for axis in range(3):
+        sides = [at[[0, -1]] if i == axis else at for i, at in enumerate(seams)]
+        ends = [at[[0, -1]] if i == axis else at for i, at in enumerate(outward)]
+        found = [_lattice(volume, sides, axis, asset.warp) for volume in stored]
+        values.append(np.concatenate(found, axis=-1).reshape(-1, 4 * _count(asset)))
+        z, y, x = np.meshgrid(*ends[::-1], indexing="ij")
+        far = np.stack([x, y, z], axis=-1).reshape(-1, 3)
+        distances.append(np.linalg.norm(far * extent, axis=1))
+    share = disc_share(np.concatenate(distances), 0.5 * np.linalg.norm(extent))
+    return np.concatenate(values), np.asarray(share)
+
+
+def _count(asset: Occlusion) -> int:
+    """Return the number of textures of four stored values."""
+    return sum(len(grid) for grid in asset.grids)
+
+
+def _lattice(volume: Float, places: list[Array], first: int, warp: float) -> Float:
+    """Look a volume (z, y, x, c) up where planes p = const along x, y, z meet: (Z, Y, X, c).
+
+    first : the axis to begin with, best that of the fewest planes.
+    """
+    for axis in (first, *({0, 1, 2} - {first})):
+        p = np.zeros((len(places[axis]), 3))
+        p[:, axis] = places[axis]
+        at = occlusion_warp(occlusion_place(p), warp)[:, axis]
+        size = volume.shape[2 - axis]
+        place = np.clip(at * size - 0.5, 0, size - 1)
+        low = np.minimum(place.astype(np.int64), max(size - 2, 0))
+        share = (place - low).astype(np.float32).reshape(-1, *(1,) * (1 + axis))
+        one = volume.take(low, 2 - axis)
+        other = volume.take(np.minimum(low + 1, size - 1), 2 - axis)
+        volume = one + share * (other - one)
+    return volume
 
 
 def _seams(asset: Occlusion, axis: int) -> Array:

@@ -42,7 +42,7 @@ class Cubes:
     def __init__(self, player: Any) -> None:
         self._player = player
         folders = player.folders("voxels")
-        self.described = described = player.scene.voxels
+        described = player.scene.voxels
         parts = [Voxels.load(_folder(player, folders, body.name)) for body in described.bodies]
         ground = Voxels.load(_folder(player, folders, "world"))
         self.world = World(ground, parts, described.position, described.reaches)
@@ -76,6 +76,11 @@ class Cubes:
         made = self._player.ctx.texture((PALETTE_WIDTH, height), 4, texels.tobytes(), dtype="f4")
         made.filter = (moderngl.NEAREST, moderngl.NEAREST)
         return self._player.targets.adopt(made, texels.nbytes)
+
+    @property
+    def described(self) -> Any:
+        """What the scene says of it."""
+        return self._player.scene.voxels
 
     @property
     def moves(self) -> bool:

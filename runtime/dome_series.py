@@ -40,3 +40,7 @@ class DomeSeries:
     def environment(self, radiance: Array, yaw: float) -> Array:
         """Series (K, 3) of a lat-long map seen by a sprite turned by `yaw`."""
         return hemispherical_lights.project_environment(radiance, self._bands, yaw=yaw)
+
+    def directions(self, directions: Array) -> Array:
+        """Series (..., K) of radiance 1 W/(m2 sr) a steradian from unit directions (..., 3)."""
+        return hemispherical_lights.evaluate_direction(directions, self._bands) / np.pi

@@ -76,12 +76,13 @@ class Frame:
             self._buffers[key] = made
         return self._buffers[key]
 
-    def targets(self, names: tuple[tuple[str, int, str], ...], depth: str) -> Any:
+    def targets(self, names: tuple[tuple[str, int, str], ...], depth: str | None) -> Any:
         """Return the framebuffer that writes several targets, each (name, components, dtype)."""
         key = (*(name for name, _, _ in names), depth)
         if key not in self._buffers:
             made = [self.texture(*each) for each in names]
-            self._buffers[key] = self.ctx.framebuffer(made, self.texture(depth))
+            attachment = self.texture(depth) if depth else None
+            self._buffers[key] = self.ctx.framebuffer(made, attachment)
         return self._buffers[key]
 
     def layers(self, names: tuple[str, ...], size: tuple[int, int], levels: int = 1) -> Any:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from formats.errors import InputError
 from formats.lightmap_faces import Faces
 from maths.colour import luminance
-from runtime import gather_schedule
+from runtime import gather_schedule, light_sights, light_uniforms, reuse
 from runtime.gather_draws import Draws
 from runtime.gather_targets import Targets
 from runtime.shader import Programs
@@ -85,6 +85,7 @@ class Gather:
 
     environment : (h, w, 3) lat-long radiance that rays out of the world see; None for black.
     free : lamps that move freely among the cells; their number stays, and mode `talk` has none.
+    lights : runtime.lighting.Lights in cells, of which the same holds; None for none.
     adopt : called with each texture made and its bytes. Raises InputError for knobs out of range.
     """
 
@@ -98,6 +99,7 @@ class Gather:
         knobs: Knobs = Knobs(),
         environment: NDArray[np.float32] | None = None,
         free: Sequence[FreeLamp] = (),
+        lights: Any = None,
         adopt: Adopt = adopt_nothing,
     ) -> None:
         knobs.check()
@@ -112,6 +114,7 @@ class Gather:
         self.lamps = Lamps(ctx, adopt, destinations=knobs.mode == "talk", aim=knobs.aim)
         self.lamps.update(volume)
         self._free = tuple(free) if knobs.mode != "talk" else ()
+        self._lights = lights if knobs.mode != "talk" else None
         self._bounces = 0 if knobs.mode == "talk" or knobs.visits else knobs.bounces
         self._settled = gather_schedule.settling(self._albedo(), knobs.error)
         if environment is not None:
@@ -130,7 +133,13 @@ class Gather:
         while done < passes and not (self.since % MEASURE == 0 and self.converged):
             pair = next(self._pairs)
             self._draws.cast(
-                self.passes // 2, pair, self.volume, self.lamps, self.knobs.seed, self._free
+                self.passes // 2,
+                pair,
+                self.volume,
+                self.lamps,
+                self.knobs.seed,
+                self._free,
+                self._lights,
             )
             if pair.send and self._bounces != 0:
                 self._draws.send(pair.send, self.volume, one_by_one=self._bounces > 0)
@@ -165,6 +174,20 @@ class Gather:
         self._free = tuple(lamps)
         if moved:
             self._begin_anew(moved)
+
+    def set_lights(self, lights: Any) -> None:
+        """Take the scene's lights as they are now, in cells. Light begins anew where they matter,
+        everywhere for a sun."""
+        if self._lights is None or reuse.frozen(lights) == reuse.frozen(self._lights):
+            return
+        moved = [
+            _change(ball, self.volume.size)
+            for old, new in zip(*map(light_sights.one_by_one, (self._lights, lights)), strict=True)
+            if reuse.frozen(old) != reuse.frozen(new)
+            for ball in (*light_sights.balls(old), *light_sights.balls(new))
+        ]
+        self._lights = lights
+        self._begin_anew(moved)
 
     def set_environment(self, radiance: NDArray[np.float32]) -> None:
         """Take another map (h, w, 3) for what rays out of the world see; all light begins anew."""
@@ -249,6 +272,7 @@ class Gather:
             "SPREAD": knobs.spread,
             "FREE": len(self._free),
             "VISITS": knobs.visits and knobs.mode != "talk",
+            **light_uniforms.counts_of(self._lights),
         }
         A, B = knobs.falloff or (1.5 * area, 0.0)
         cast = {
@@ -270,3 +294,12 @@ class Gather:
         self._brightness = float(np.sqrt(power / max(1, len(bright))))
         spread = np.asarray(difference[used], np.float64) / passes[used]
         return float(np.sqrt(np.sum(spread**2) / power)) if power > 0 else 0.0
+
+
+def _change(ball: Any, size: tuple[int, int, int]) -> Change:
+    """What changes where a light comes or goes, of a ball that holds it; None for a sun."""
+    if ball is None:
+        return Change((0, 0, 0), size, EVERYTHING)
+    middle, radius, radiance = ball
+    low, high = np.floor(middle - radius), np.ceil(middle + radius)
+    return Change(tuple(low.astype(int).tolist()), tuple(high.astype(int).tolist()), radiance)

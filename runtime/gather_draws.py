@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from maths.hashing import pcg
-from runtime import gather_schedule
+from runtime import gather_schedule, light_uniforms
 from runtime.gather_targets import UNITS, Targets
 from runtime.shader import SCREEN, Programs, set_uniforms
 from runtime.voxel_lamps import FreeLamp, Lamps
@@ -56,8 +56,9 @@ class Draws:
         lamps: Lamps,
         seed: int,
         free: Sequence[FreeLamp] = (),
+        lights: Any = None,
     ) -> None:
-        """Add a pair of passes, the one of this number."""
+        """Add a pair of passes, the one of this number. lights : of the scene, in cells."""
         lit = (lamps.count > 0 or bool(free)) and lamps.destinations is None
         common = {
             **self._cast,
@@ -71,6 +72,7 @@ class Draws:
             "lamp_power": lamps.power,
             "cube_place": [(*lamp.middle, lamp.half_side) for lamp in free],
             "cube_light": [lamp.radiance for lamp in free],
+            **({} if lights is None else light_uniforms.of(lights)),
         }
         for k in (0, 1):
             # Lamps and cosine take turns: a set is a pair; without lamps, a pass
@@ -81,6 +83,7 @@ class Draws:
                 "set_sign": 1.0 - 2.0 * chosen,
                 "offset": _words(seed, chosen, 0),
                 "aim_offset": _words(seed, chosen, 1),
+                "light_offset": _words(seed, chosen, 2),
             }
             self._targets.use()
             _use(volume.world, "world")

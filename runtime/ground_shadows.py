@@ -67,6 +67,8 @@ class GroundShadows:
         set_uniforms(self._contact, camera)
         self._fill(np.zeros(2))
         for sprites, array in zip(self._sets, self._contacts, strict=True):
+            if not sprites.shadow:
+                continue
             self._contact["body"] = sprites.foot, sprites.crown
             self._contact["cover"] = sprites.cover
             frame.draw(
@@ -98,6 +100,8 @@ class GroundShadows:
         )
         self._fill(np.array([x, z]))
         for sprites, array in zip(self._sets, self._shadows, strict=True):
+            if not sprites.shadow:
+                continue
             asset = sprites.asset
             sprites.texture.use(0)
             program["size"] = asset.size

@@ -25,7 +25,14 @@ class Incident:
 
     def project(self, points: Array, time: float) -> Array:
         """Return coefficients of radiance (n, K, 3), world axes, at points (n, 3), metres."""
-        found = self._lights.project(self._player.lights, points)
-        if self._probe is not None:
-            found = found + self._probe.project(points, self.l_max, time)
+        lights = self._player.lights
+        if self._probe is None:
+            return self._lights.project(lights, points)
+        # Only worlds of cubes need it
+        from runtime import light_sights
+
+        found: Array = self._probe.project(points, self.l_max, time)
+        seen = self._probe.around(points, time).lights
+        for number, one in enumerate(light_sights.one_by_one(lights)):
+            found += seen[:, number, None, None] * self._lights.project(one, points)
         return found

@@ -28,6 +28,18 @@ def counts(scene: Any) -> dict[str, int]:
     }
 
 
+def counts_of(lights: Any) -> dict[str, int]:
+    """Return the same flags of lights at a moment, None for none, and LIGHTS, how many in all."""
+    kinds = {"SUNS": "suns", "SPHERES": "spheres", "DISCS": "discs", "POLYGONS": "polygons"}
+    counts = {flag: len(getattr(lights, name, ())) for flag, name in kinds.items()}
+    corners = [len(each.corners) for each in getattr(lights, "polygons", ())]
+    return {
+        **counts,
+        "POLYGON_CORNERS": max(RECTANGLE, *corners, 0),
+        "LIGHTS": sum(counts.values()),
+    }
+
+
 def of(lights: Any) -> dict[str, Any]:
     """Return the uniforms of all lights but the environments at one moment."""
     found: dict[str, Any] = {}

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.scene import Disc, EnvironmentLight, Polygon, Rectangle, Sphere, Sun
-from maths import circular_harmonics, transforms
+from maths import circular_harmonics, circular_lights, transforms
 
 Array = NDArray[np.float64]
 
@@ -166,6 +166,17 @@ class RingSeries:
         """Series (K, 3) of a lat-long map seen by a sprite turned by `yaw`."""
         return circular_harmonics.project_environment(radiance, self.length, **self._basis, yaw=yaw)
 
+    def directions(self, directions: Array) -> Array:
+        """Series (..., K) of radiance 1 W/(m2 sr) a steradian from unit directions (..., 3).
+
+        A one-sided ring fades in about z = 0, so that light of a whole map keeps its sum.
+        """
+        basis = {**self._basis, "one_sided": False}
+        found = circular_lights.evaluate_direction(directions, self.length, **basis)
+        if self._basis["one_sided"]:
+            found *= np.clip(0.5 + directions[..., 2:] / circular_lights.GRAZING, 0.0, 1.0)
+        return np.asarray(found)
+
     def constants(self, series: Array) -> Array:
         """Rows (..., rows, 3) for the shader of series (..., K, 3): the terms themselves."""
         return series
@@ -177,6 +188,11 @@ class SpriteLighting:
     def __init__(self) -> None:
         self._maps: dict[int, Array] = {}
         self._kept: dict[tuple[Any, ...], Array] = {}
+        self._cubes: Any = None
+
+    def surround(self, cubes: Any) -> None:
+        """Let sprites stand in a world of cubes. cubes : runtime.sprite_probes.SpriteProbes."""
+        self._cubes = cubes
 
     def take(self, environments: dict[int, NDArray[np.floating]]) -> None:
         """Take environment maps: number among the scene's lights -> lat-long radiance (h, w, 3)."""
@@ -196,18 +212,21 @@ class SpriteLighting:
         series : RingSeries or DomeSeries, with R rows. yaw : of the camera, radians. centres : (n,
         3) of the sprites, metres. flip : (n,) mirrored sprites, whose light is mirrored along x
         just as their picture is. shares : for each sun, (n,) of it that reaches the sprites, None
-        where all of it does.
+        where all of it does. In a world of cubes, these hide lights, and send their own.
         """
+        if self._cubes is not None and len(centres):
+            rows = self._cubes.rows(lights, series, yaw, centres, shares)
+            rows[flip] *= series.mirror[:, None]
+            return series.constants(rows), np.arange(len(centres))
         shared = np.zeros((series.length, 3))
         sprite_from_world = transforms.rotation("y", -yaw)
         parts: list[tuple[Array, Array]] = []
-        for number, sun in enumerate(lights.suns):
-            row = series.sun(sprite_from_world @ sun.to_light, sun.irradiance)
-            share = shares[number] if number < len(shares) else None
-            if share is None:
-                shared += row
-            else:
-                parts.append((share, row))
+        if lights.suns:
+            towards = np.stack([sun.to_light for sun in lights.suns]) @ sprite_from_world.T
+            each = series.sun(towards, np.stack([sun.irradiance for sun in lights.suns]))
+            kept = [*shares, *[None] * (len(each) - len(shares))]
+            shared += each[[share is None for share in kept]].sum(axis=0)
+            parts = [(s, row) for s, row in zip(kept, each, strict=False) if s is not None]
         for environment in (e for e in lights.environments if e.index in self._maps):
             shared += self._environment(environment, series, yaw) * environment.factor
         mirror = series.mirror[:, None]

@@ -11,6 +11,7 @@ from runtime.camera import Camera
 
 STEEPEST = np.radians(89.0)
 NEAREST, FARTHEST = 0.05, 1e5  # metres from the target
+MARGIN = 1.1  # of the picture about what is framed
 
 
 def orbit(camera: Camera, yaw: float, pitch: float) -> Camera:
@@ -49,27 +50,69 @@ def focus(camera: Camera, distance: float) -> Camera:
     return replace(camera, focus_distance=max(distance, 1.05 * camera.focal_length))
 
 
-def distance_at_centre(
-    camera: Camera, sets: list[NDArray[np.float64]], ground: float | None
-) -> float:
-    """Return the distance along the axis to what stands in the middle of the picture, metres.
+def look(camera: Camera, yaw: float, pitch: float) -> Camera:
+    """Turn the camera about itself; radians, kept short of straight up and down."""
+    turned = orbit(replace(camera, position=camera.target, target=camera.position), yaw, -pitch)
+    return replace(camera, target=turned.position)
 
-    sets : (n, 5) sprites each: foot xyz, half width, height. ground : y of the plane or None. Where
-    nothing stands there, the distance to the target.
+
+def fly(camera: Camera, right: float, up: float, forward: float) -> Camera:
+    """Move camera and target together; metres, up along the world's +y."""
+    shift = right * camera.right + up * np.array([0.0, 1.0, 0.0]) + forward * camera.forward
+    return replace(camera, position=camera.position + shift, target=camera.target + shift)
+
+
+def frame(camera: Camera, points: NDArray[np.float64], aspect: float) -> Camera:
+    """Look from the same side at points (n, 3), metres, so that they just fit into the picture.
+
+    aspect : width over height of the picture.
     """
-    found = []
-    forward, right = camera.forward, camera.right
-    facing = np.array([forward[0], 0.0, forward[2]])
-    for sprites in sets:
-        # Sprites stand in vertical planes that face the camera
-        offset = sprites[:, :3] - camera.position
-        depth = offset @ facing / max(float(facing @ forward), 1e-9)
-        hit = depth[:, None] * forward - offset
-        inside = (
-            (np.abs(hit @ right) < sprites[:, 3]) & (hit[:, 1] > 0) & (hit[:, 1] < sprites[:, 4])
-        )
-        found += depth[inside & (depth > 0)].tolist()
-    if ground is not None and forward[1] < -1e-6:
-        found.append((ground - camera.position[1]) / forward[1])
-    ahead = [d for d in found if d > 0]
-    return min(ahead) if ahead else float(np.linalg.norm(camera.target - camera.position))
+    axes = camera.view_from_world[:3, :3]
+    seen = points @ axes.T
+    seen[:, 2] = -seen[:, 2]
+    half = 0.5 * camera.sensor_height / camera.focal_length / MARGIN
+    middle, far = np.zeros(3), -np.inf
+    for axis, slope in ((0, half * aspect), (1, half)):
+        # The planes of two opposite sides of the picture, each moved until all lies inside
+        over = float((seen[:, axis] - slope * seen[:, 2]).max())
+        under = float((seen[:, axis] + slope * seen[:, 2]).min())
+        middle[axis] = 0.5 * (over + under)
+        far = max(far, 0.5 * (over - under) / slope)
+    depth = seen[:, 2]
+    back = max(far, NEAREST - float(depth.min()))
+    eye = axes.T @ np.array([middle[0], middle[1], back])
+    distance = back + 0.5 * float(depth.min() + depth.max())
+    return replace(camera, position=eye, target=eye + distance * camera.forward)
+
+
+def hold(camera: Camera, distance: float) -> Camera:
+    """Turn about what is `distance` metres along the axis from now on; the picture stays."""
+    distance = float(np.clip(distance, NEAREST, FARTHEST))
+    return replace(camera, target=camera.position + distance * camera.forward)
+
+
+def as_toml(camera: Camera) -> str:
+    """Return the lines of a scene file that put its camera here.
+
+    >>> print(as_toml(Camera(np.array([0.0, 1.0, 4.0]), np.zeros(3))))
+    [camera]
+    position = [0, 1, 4]
+    target = [0, 0, 0]
+    focal_length_mm = 50
+    sensor_height_mm = 24
+    """
+    lines = [
+        "[camera]",
+        f"position = {_vector(camera.position)}",
+        f"target = {_vector(camera.target)}",
+        f"focal_length_mm = {1e3 * camera.focal_length:.6g}",
+        f"sensor_height_mm = {1e3 * camera.sensor_height:.6g}",
+    ]
+    if camera.f_number is not None and camera.focus_distance is not None:
+        lens = f"f_number = {camera.f_number:.4g}, focus_distance = {camera.focus_distance:.6g}"
+        lines.append(f"lens = {{ {lens} }}")
+    return "\n".join(lines)
+
+
+def _vector(values: NDArray[np.float64]) -> str:
+    return f"[{', '.join(f'{value:.6g}' for value in values)}]"

@@ -7,7 +7,7 @@ where light of cubes is gathered, the same times in the same order do.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
@@ -22,7 +22,7 @@ from formats import scene as scenes
 from formats import seal
 from formats.errors import DamagedError, InputError
 from formats.files.reading import strict_json
-from runtime import capture, lighting, reuse, sprites
+from runtime import capture, lighting, profile, reuse, sprites
 from runtime.camera import Camera
 from runtime.frame import Frame
 from runtime.shader import Programs
@@ -30,6 +30,7 @@ from runtime.shader import Programs
 FORMAT = 1
 LARGEST = 16384  # pixels a side
 HALF_PIXEL = 0.5  # a smaller circle of confusion changes nothing
+PINHOLE = 1e6  # f-number of a lens that blurs nothing
 SAMPLES = 4  # a pixel of what is opaque, where meshes have edges
 
 
@@ -42,9 +43,11 @@ class Player:
     it will be: also draw ground and sky where the plan left them out as never seen, and let light
     settle from frame to frame.
     sun_turn : (azimuth, elevation) radians added to the first sun. reuse : set it to False to draw
-    every pass of every frame. Raises InputError where there
-    is no such scene, DamagedError where its bytes changed, MachineError where no OpenGL context
-    can be made.
+    every pass of every frame. plan : of the scene, as its manifest has it. hidden, off : what
+    `change` left out. own : the scene as its file has it. haste : seconds that light may take to
+    settle in each frame of a roaming player; None for as long as the scene's rays take. linked :
+    programs of each pass. Raises InputError where there is no such
+    scene, DamagedError where its bytes changed, MachineError where no OpenGL context can be made.
     """
 
     def __init__(
@@ -64,8 +67,11 @@ class Player:
         self.scene = scenes.from_dict(
             manifest["scene"], where=where, root=None, name=manifest["name"]
         )
-        plan = manifest["plan"]
+        self.plan = plan = manifest["plan"]
+        self.hidden, self.off = frozenset[str](), frozenset[str]()
+        self._changes = 0
         self._take_lights(plan.get("lights", []))
+        self.own = self.scene
         found = {"ground": self.scene.ground, "sky": self.scene.picture.sky} if roaming else {}
         unseen = [name for name, described in found.items() if described is not None]
         lines = size[1] / plan.get("lines", size[1])
@@ -78,9 +84,10 @@ class Player:
         self.camera: Camera | None = None
         self.sun_turn = (0.0, 0.0)
         self.patient = not roaming
+        self.haste: float | None = None
         self.reuse, self.skipped = True, tuple[str, ...]()
         self._reuse, self._made_for = reuse.Reuse(), tuple[Any, ...]()
-        self._linked: dict[str, int] = {}
+        self.linked: dict[str, int] = {}
         self._made: list[Any] = []
         self._shared: dict[Any, Any] = {}
         # Decode assets while the driver starts
@@ -91,14 +98,21 @@ class Player:
             opaque = {"surface", "transfer", "voxels"}.intersection(self.called)
             self.targets = Frame(self.ctx, size, SAMPLES if opaque else 1)
             self.programs = Programs(self.ctx)
-            with self._within("billboard"):
-                self.sprites = [
-                    sprites.load(self.ctx, self.targets, billboards, asset.result())
-                    for billboards, asset in loading
-                ]
+            self.passes: dict[str, Any] = {}
+            try:
+                self._open(loading)
+            except BaseException:
+                # A shader that is being edited breaks here
+                self.close()
+                raise
+
+    def _open(self, loading: list[tuple[Any, Future[Any]]]) -> None:
+        """Put assets on the card and make the passes."""
+        with self._within("billboard"):
+            groups = [(billboards, asset.result()) for billboards, asset in loading]
+            self.sprites = sprites.load(self.ctx, self.targets, groups)
         self.sprite_lighting = lighting.SpriteLighting()
         self.look(0.0)
-        self.passes: dict[str, Any] = {}
         for name in self.called:
             with self._within(name):
                 self.passes[name] = import_module(f"runtime.passes.{name}").Pass(self)
@@ -118,6 +132,15 @@ class Player:
         self.draw(time, finished=False)
         return self._read("colour", np.float16).astype(np.float32)
 
+    def picture(self, time: float) -> Any:
+        """Return the finished picture at `time` seconds as an object that notebooks show."""
+        return import_module("runtime.picture").Picture(self.frame(time)[..., :3])
+
+    def movie(self, times: Sequence[float], rate: float | None = None) -> Any:
+        """Return a loop of pictures as an object that notebooks show; the scene's rate if None."""
+        frames = [self.frame(time)[..., :3] for time in times]
+        return import_module("runtime.picture").Movie(frames, rate or self.scene.time.frame_rate)
+
     def draw(self, time: float, *, finished: bool = True) -> None:
         """Draw the frame of `time` seconds into the targets `colour` and, finished, `picture`.
 
@@ -126,7 +149,11 @@ class Player:
         self.targets.begin()
         with self.targets.timed("start"):
             self.look(time)
-            wanted = {n: p for n, p in self.passes.items() if finished or n != "film"}
+            wanted = {
+                n: p
+                for n, p in self.passes.items()
+                if n not in self.off and (finished or n != "film")
+            }
             steps, chain = self._steps(wanted, time)
             if steps.restore:
                 self.targets.restore(steps.restore_depth)
@@ -162,7 +189,9 @@ class Player:
         if made != self._made_for:
             self._reuse.forget()
             self._made_for = made
-        chain = tuple((name, reuse.key(drawn, time)) for name, drawn in wanted.items())
+        chain = tuple(
+            (name, (self._changes, reuse.key(drawn, time))) for name, drawn in wanted.items()
+        )
         return self._reuse.plan(chain, list(wanted.values()), self.targets.samples > 1), chain
 
     def _clear(self) -> None:
@@ -186,14 +215,69 @@ class Player:
             yield
         finally:
             self.targets.owner = owner
-            self._linked[name] = self._linked.get(name, 0) + self.programs.count - before
+            self.linked[name] = self.linked.get(name, 0) + self.programs.count - before
 
     def look(self, time: float) -> None:
         """Set camera (`view`) and `lights` to those of `time` seconds."""
         # A copy keeps nothing of arrays that were written to in place since
         own = self.camera
         self.view = replace(own) if own else Camera.of_scene(self.scene, time)
+        if "lens" in self.off and self.view.f_number is not None:
+            self.view = replace(self.view, f_number=PINHOLE)
         self.lights = lighting.at(self.scene, time, self.sun_turn)
+
+    # changes
+
+    def change(
+        self,
+        scene: scenes.Scene | None = None,
+        *,
+        hidden: Iterable[str] | None = None,
+        off: Iterable[str] | None = None,
+    ) -> None:
+        """Play a changed scene from the next frame on; None leaves a part as it is.
+
+        scene : of as many lights, meshes, sets and lamps of the same kinds, in other light, places
+        and pictures. hidden : names such as mesh/NAME, billboard/NAME, and shadow/NAME of a mesh
+        or set that casts one. off : names of effects that may be left out, see `optional`, and
+        `lens`. Nothing is baked or loaded; a tone curve or grain is compiled the first time.
+        """
+        if scene is not None:
+            self.scene = scene
+        if hidden is not None:
+            self.hidden = frozenset(hidden)
+        if off is not None:
+            self.off = frozenset(off) & {*self.optional, "lens"}
+        described = {each.name: each for each in self.scene.billboards}
+        for each in (each for each in self.sprites if each.name in described):
+            casts = described[each.name].shadow and self.shows("shadow", each.name)
+            each.shadow = casts and self.shows("billboard", each.name)
+        self._changes += 1
+
+    @property
+    def optional(self) -> tuple[str, ...]:
+        """Passes that the picture can do without: they only add to it or alter it."""
+        own = {"colour", "depth"}
+        return tuple(
+            name
+            for name, drawn in self.passes.items()
+            if drawn.writes and own.issuperset(drawn.writes) and name != "occlusion"
+        )
+
+    def shows(self, kind: str, name: str) -> bool:
+        """Whether `change` leaves something in the picture."""
+        return f"{kind}/{name}" not in self.hidden
+
+    def settle(self) -> None:
+        """Let light go on settling, within `haste`; the next frame shows it."""
+        for drawn in self.passes.values():
+            if hasattr(drawn, "settle"):
+                drawn.settle()
+
+    @property
+    def settled(self) -> bool:
+        """Whether the same moment drawn again would be the same picture."""
+        return all(getattr(drawn, "settled", True) for drawn in self.passes.values())
 
     @property
     def profile(self) -> dict[str, Any]:
@@ -203,33 +287,7 @@ class Player:
         by_pass : programs, textures, bytes and draw calls of each pass; `start` has what all share.
         skipped : passes that the last frame did not run again.
         """
-        targets = self.targets
-        return {
-            "renderer": self.ctx.info["GL_RENDERER"],
-            "size": list(targets.size),
-            "passes": list(self.called),
-            "programs": self.programs.count,
-            "textures": targets.texture_count,
-            "bytes": targets.texture_bytes,
-            "draw_calls": targets.draw_calls,
-            "milliseconds": dict(targets.milliseconds),
-            "timing": targets.timing,
-            "skipped": list(self.skipped),
-            "by_pass": self._by_pass(),
-        }
-
-    def _by_pass(self) -> dict[str, dict[str, int]]:
-        textures, calls = self.targets.textures, self.targets.calls
-        found = {}
-        for name in dict.fromkeys(("start", *self.passes, *textures, *calls)):
-            count, size = textures.get(name, (0, 0))
-            found[name] = {
-                "programs": self._linked.get(name, 0),
-                "textures": count,
-                "bytes": size,
-                "draw_calls": calls.get(name, 0),
-            }
-        return found
+        return profile.of(self)
 
     def close(self) -> None:
         """Free everything on the card; the context too where the player made it."""

@@ -35,6 +35,7 @@ HEADERS = {"desktop": "#version 330 core\n", "es": "#version 300 es\n" + PRECISI
 
 _INCLUDE = re.compile(r'^\s*#\s*include\s+"([^"]+)"\s*$')
 _CONDITION = re.compile(r"^\s*#\s*(?:if|elif)\b(.*)$", re.M)
+_BRANCH = re.compile(r"^\s*#\s*(?:endif|else|elif)\b")
 _DEFINE = re.compile(r"^\s*#\s*define\s+(\w+)", re.M)
 _COMMENT = re.compile(r"//[^\n]*|/\*.*?\*/", re.S)
 _WORD = re.compile(r"\b[A-Za-z_]\w*")
@@ -76,6 +77,11 @@ def compose(
     return _compose(Path(path), tuple(sorted((defines or {}).items())), target)
 
 
+def forget() -> None:
+    """Compose from the files again: they may have been edited."""
+    _compose.cache_clear()
+
+
 @cache
 def _compose(path: Path, defines: tuple[tuple[str, Any], ...], target: str) -> Source:
     files: list[Path] = []
@@ -95,6 +101,9 @@ def _expand(path: Path, files: list[Path], chain: tuple[str, ...], folder: Path)
     for at, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
         if not (match := _INCLUDE.match(line)):
             lines.append(line)
+            if _BRANCH.match(line):
+                # What is skipped takes its #line with it
+                lines.append(f"#line {SPREAD * number + at + 1}")
             continue
         name = match[1]
         found = next(

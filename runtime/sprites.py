@@ -1,4 +1,4 @@
-"""The sprites of a scene on the card: one texture array a set, and where every sprite stands."""
+"""The sprites of a scene on the card: textures of their sets, and where every sprite stands."""
 
 from __future__ import annotations
 
@@ -11,23 +11,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats import report
-from formats.billboard import Billboard
 from formats.errors import InputError
-from runtime import lighting, upload
-from runtime.sprite_shadows import coarse_coverage
+from runtime import upload
 
 Array = NDArray[np.float64]
-PACKINGS = {"full": 0, "chroma": 1, "talk": 2, "dome": 3}
+FAINTEST = 1e-4  # of the brightest texel of a picture
+PACKINGS = {"full": 0, "chroma": 1, "talk": 2, "dome": 3, "picture": 4, "disc": 5}
 
 
 @dataclass(eq=False)
 class SpriteSet:
     """One set: asset, texture and instances.
 
-    asset : formats.billboard.Billboard or formats.dome.Dome. series : how it counts light, see
-    runtime.lighting. scale : (n,) factor on the asset's metres per texel. boxes : (levels, 4)
-    texture coordinates of what is not empty at this level or a finer one, edges of the bilinear
-    filter included.
+    asset : formats.billboard.Billboard, formats.dome.Dome or formats.picture.Picture. series : how
+    it counts light, see runtime.lighting; None for pictures. layer, share : its first layer of the
+    texture, and how much of one it fills along x and y. pivot : texels from the top left. roll :
+    (n,) radians. opacity : factor on alpha, one or (n,). upright : or facing the camera. middle :
+    of the object over its place, in heights. moving : filled anew for each moment. scale : (n,)
+    factor on the asset's metres per texel. boxes : (levels, 4) texture coordinates of what is not
+    empty at this level or a finer one, edges of the bilinear filter included.
     foot, crown : half widths, metres at scale 1, near the ground point and of the whole object.
     cover : mean coverage inside the object's own box. coarse, coarse_texel : coverage (h, w) at a
     coarse level and metres of its texel, for shadows on other sprites.
@@ -44,23 +46,39 @@ class SpriteSet:
     tint: Array
     shadow: bool
     boxes: Array
-    foot: float
-    crown: float
-    cover: float
-    coarse: Array
-    coarse_texel: float
+    roll: Array
+    pivot: tuple[float, float]
+    layer: int = 0
+    share: tuple[float, float] = (1.0, 1.0)
+    opacity: Any = 1.0
+    softness: float = 0.0
+    upright: bool = True
+    middle: float = 0.5
+    moving: bool = False
+    foot: float = 0.0
+    crown: float = 0.0
+    cover: float = 0.0
+    coarse: Any = None
+    coarse_texel: float = 1.0
+
+    def __len__(self) -> int:
+        return len(self.positions)
 
     @property
     def centres(self) -> Array:
         """(n, 3) middle of the objects, metres."""
-        return (
-            self.positions + np.array([0.0, 0.5, 0.0]) * (self.asset.height * self.scale)[:, None]
-        )
+        if not self.middle:
+            return self.positions
+        up = np.array([0.0, self.middle, 0.0])
+        return self.positions + up * (self.asset.height * self.scale)[:, None]
 
     @property
     def defines(self) -> dict[str, int]:
         """How the shader unpacks this set."""
         asset = self.asset
+        if self.series is None:
+            packing = PACKINGS["disc" if self.texture is None else "picture"]
+            return {"TERMS": 0, "PLANES": 1, "PACKING": packing}
         if is_dome(asset):
             packing = PACKINGS["dome"]
             return {"TERMS": asset.channels, "PLANES": asset.planes, "PACKING": packing}
@@ -68,10 +86,13 @@ class SpriteSet:
         packing = PACKINGS["full" if simple else asset.unpack]
         return {"TERMS": asset.ring.terms, "PLANES": asset.planes, "PACKING": packing}
 
-    def view_from(self, azimuth: Array) -> NDArray[np.int64]:
-        """Return the view (n,) nearest to azimuths (n,) about +y, radians, as seen from here."""
+    def view_from(self, azimuth: Array, which: Any = slice(None)) -> NDArray[np.int64]:
+        """Return the view (n,) nearest to azimuths (n,) about +y, radians, as seen from here.
+
+        which : of the sprites, all where it is left out.
+        """
         step = 2 * np.pi / self.asset.views
-        return np.rint((azimuth - self.yaw) / step).astype(np.int64) % self.asset.views
+        return np.rint((azimuth - self.yaw[which]) / step).astype(np.int64) % self.asset.views
 
     def decoding(self) -> tuple[bytes, bytes]:
         """Return (scale, offset) as float32 bytes, (P, 4) each: see `decoding`."""
@@ -93,18 +114,26 @@ def decoding(asset: Any) -> tuple[Array, Array]:
 
 
 def is_dome(asset: Any) -> bool:
-    """Whether an asset is a formats.dome.Dome: it has no ring."""
-    return not hasattr(asset, "ring")
+    """Whether an asset is a formats.dome.Dome: it has components."""
+    return hasattr(asset, "components")
+
+
+def is_picture(asset: Any) -> bool:
+    """Whether an asset is a formats.picture.Picture: it has neither ring nor components."""
+    return not is_dome(asset) and not hasattr(asset, "ring")
 
 
 def read(folder: Path) -> Any:
-    """Read the asset of a set, a sprite under a ring or under a dome.
+    """Read the asset of a set, a sprite under a ring or under a dome, or a picture.
 
     Raises InputError for a dome without coverage or of stored codes, DamagedError as `load` of
-    formats.billboard and formats.dome.
+    formats.billboard, formats.dome and formats.picture.
     """
-    if report.read(folder).get("kind") != "dome":
-        return Billboard.load(folder)
+    kind = report.read(folder).get("kind")
+    if kind == "picture":
+        return import_module("formats.picture").Picture.load(folder)
+    if kind != "dome":
+        return import_module("formats.billboard").Billboard.load(folder)
     asset = import_module("formats.dome").Dome.load(folder)
     if not asset.coverage:
         raise InputError(folder, "coverage", "none", "bake it as a billboard of a scene")
@@ -113,51 +142,100 @@ def read(folder: Path) -> Any:
     return asset
 
 
-def load(ctx: Any, frame: Any, billboards: Any, asset: Any) -> SpriteSet:
-    """Upload the asset of one set of the scene and place its instances."""
+def load(ctx: Any, frame: Any, groups: list[tuple[Any, Any]]) -> list[SpriteSet]:
+    """Upload the assets of sets of the scene, (billboards, asset) each, and place their instances.
+
+    Pictures of several sets share textures.
+    """
+    found: list[SpriteSet | None] = [None] * len(groups)
+    pictures = [i for i, (_, asset) in enumerate(groups) if is_picture(asset)]
+    if pictures:
+        from runtime.sprite_sheets import sheets
+
+        for sheet in sheets([groups[i][1] for i in pictures]):
+            texture = upload.texture_array(ctx, sheet.levels, "billboard/pictures")
+            frame.adopt(texture, upload.byte_count(sheet.levels))
+            h, w = sheet.levels[0].shape[1:3]
+            for layer, member in enumerate(sheet.members):
+                billboards, asset = groups[pictures[member]]
+                made = _placed(billboards, asset, texture)
+                made.layer, made.share = layer, (asset.size[0] / w, asset.size[1] / h)
+                found[pictures[member]] = made
+    for i, (billboards, asset) in enumerate(groups):
+        if found[i] is None:
+            texture = upload.texture_array(ctx, asset.levels, f"billboard/{billboards.name}")
+            frame.adopt(texture, upload.byte_count(asset.levels))
+            found[i] = _placed(billboards, asset, texture)
+    return [each for each in found if each is not None]
+
+
+def _placed(billboards: Any, asset: Any, texture: Any) -> SpriteSet:
     instances = billboards.instances()
-    texture = upload.texture_array(ctx, asset.levels, f"billboard/{billboards.name}")
-    frame.adopt(texture, upload.byte_count(asset.levels))
     factor = billboards.height / asset.height
-    foot, crown, cover = outline(asset)
-    coarse, coarse_texel = coarse_coverage(asset)
+    pictured = is_picture(asset)
+    pivot = asset.pivot
+    if not billboards.stands:
+        pivot = (pivot[0], pivot[1] - 0.5 * asset.height / asset.metres_per_texel)
+    tint = np.asarray(instances.tint, np.float64)
+    more: dict[str, Any] = {}
+    around = boxes(asset.levels, asset.planes, *_shows(asset))
+    if pictured:
+        more["crown"] = (around[0, 2] - around[0, 0]) * asset.size[0] * asset.metres_per_texel / 2
+    else:
+        from runtime.sprite_shadows import coarse_coverage
+
+        more["foot"], more["crown"], more["cover"] = outline(asset)
+        more["coarse"], more["coarse_texel"] = coarse_coverage(asset)
     return SpriteSet(
         name=billboards.name,
         asset=asset,
-        series=series_of(asset),
+        series=None if pictured else series_of(asset),
         texture=texture,
         positions=np.asarray(instances.positions, np.float64),
         scale=np.asarray(instances.scale, np.float64) * factor,
         yaw=np.asarray(instances.yaw, np.float64),
         flip=np.asarray(instances.flip, bool),
-        tint=np.asarray(instances.tint, np.float64),
+        tint=tint * billboards.radiance if pictured else tint,
         shadow=billboards.shadow,
-        boxes=boxes(asset.levels, asset.planes),
-        foot=foot,
-        crown=crown,
-        cover=cover,
-        coarse=coarse,
-        coarse_texel=coarse_texel,
+        boxes=around,
+        roll=np.asarray(instances.roll, np.float64),
+        pivot=pivot,
+        opacity=billboards.opacity,
+        softness=billboards.softness,
+        upright=billboards.stands,
+        middle=0.5 * billboards.stands,
+        **more,
     )
+
+
+def _shows(asset: Any) -> tuple[slice, float]:
+    """Return which channels say where an asset shows, and by more than how much."""
+    if not is_picture(asset):
+        return slice(3, 4), 0.0
+    # A picture without alpha shows too; the filter's faint ends do not
+    return slice(0, 4), FAINTEST * max(1.0, asset.brightest)
 
 
 def series_of(asset: Any) -> Any:
     """Return how an asset counts light; only a dome imports what domes need."""
     if is_dome(asset):
         return import_module("runtime.dome_series").DomeSeries(asset)
-    return lighting.RingSeries(asset.ring)
+    from runtime.lighting import RingSeries
+
+    return RingSeries(asset.ring)
 
 
-def boxes(levels: Any, planes: int) -> Array:
+def boxes(levels: Any, planes: int, channels: slice = slice(3, 4), least: float = 0.0) -> Array:
     """Return (levels, 4) boxes (left, top, right, bottom), 0..1, that hold all coverage.
 
+    channels : of the first plane, one of which is over `least` where something shows.
     Each box holds those of the finer levels too and one texel more for the bilinear filter; a set
     that is empty everywhere gets empty boxes.
     """
     found = np.empty((len(levels), 4))
     grown = np.array([1.0, 1.0, 0.0, 0.0])
     for n, level in enumerate(levels):
-        filled = (level[::planes, ..., 3] > 0).any(axis=0)
+        filled = (level[::planes, ..., channels] > least).any(axis=(0, 3))
         h, w = filled.shape
         rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
         if len(rows):

@@ -58,11 +58,13 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """A mesh that stands in the scene. number : among its meshes, from 1."""
+    """A mesh that stands in the scene. number : among its meshes, from 1. middle : (3,) of the box
+    around it, in its own axes, metres of its file."""
 
     number: int
     placed: PlacedMesh
     parts: tuple[Part, ...]
+    middle: NDArray[np.float64]
 
 
 def load(player: Any, lighting: tuple[str, ...] = tuple(KINDS)) -> tuple[Surface, ...]:
@@ -72,7 +74,7 @@ def load(player: Any, lighting: tuple[str, ...] = tuple(KINDS)) -> tuple[Surface
     Raises DamagedError where a mesh is missing or its bytes changed.
     """
     folders = {way: player.folders(KINDS[way]) for way in lighting}
-    shared: dict[Path, tuple[Part, ...]] = {}
+    shared: dict[Path, tuple[tuple[Part, ...], NDArray[np.float64]]] = {}
     surfaces = []
     for number, placed in enumerate(player.scene.meshes, start=1):
         if placed.lighting not in lighting:
@@ -84,9 +86,16 @@ def load(player: Any, lighting: tuple[str, ...] = tuple(KINDS)) -> tuple[Surface
         if folder not in shared:
             textures: dict[bytes, Any] = {}
             parts = _primitives(placed.lighting, folder)
-            shared[folder] = tuple(_part(player, part, textures, folder) for part in parts)
-        surfaces.append(Surface(number, placed, shared[folder]))
+            made = tuple(_part(player, part, textures, folder) for part in parts)
+            shared[folder] = made, _middle(parts)
+        surfaces.append(Surface(number, placed, *shared[folder]))
     return tuple(surfaces)
+
+
+def _middle(parts: list[glb.Primitive]) -> NDArray[np.float64]:
+    """Middle (3,) of the box around all parts."""
+    ends = [end(part.positions, axis=0) for part in parts for end in (np.min, np.max)]
+    return np.asarray(0.5 * (np.min(ends, axis=0) + np.max(ends, axis=0)), np.float64)
 
 
 def _primitives(lighting: str, folder: Path) -> tuple[glb.Primitive, ...]:
@@ -200,6 +209,8 @@ class Geometry:
         player.ctx.enable_only(moderngl.DEPTH_TEST)
         player.ctx.depth_func = "<="
         for surface, arrays in zip(self._surfaces, self._arrays, strict=True):
+            if not player.shows("mesh", surface.placed.name):
+                continue
             place = {**place_uniforms(player, surface, time), "number": surface.number}
             for array in arrays:
                 set_uniforms(array.program, place)

@@ -1,48 +1,94 @@
-"""A small window on a baked scene: look around, play, move the sun, focus, take pictures.
+"""What hands do to a player: look around, play, light, focus, compare, take pictures.
 
-The only module that imports glfw (an extra: pip install 'bakelight[view]').
+No window here: `runtime.window` hands over keys, buttons and pixels.
 """
 
 from __future__ import annotations
 
-import time as clock
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from formats.errors import MachineError
+from formats.errors import BakelightError
 from formats.files import image
-from runtime import capture, orbit
+from runtime import orbit, subject, switches
 from runtime.camera import Camera
+from runtime.edits import Edits
 from runtime.player import Player
+from runtime.wipe import Truth, Wipe
 
-HELP = """\
-left drag orbit, middle or shift drag pan, wheel dolly
-space play or pause, arrows one frame, shift arrows one second, home to the start
-hold L and drag to move the sun, or [ ] round and - = up and down
-F focus on the middle, , . focus nearer and farther
-R reset, P picture, H this help, Esc quit"""
+HELP = (
+    ("left drag", "orbit"),
+    ("middle or shift drag", "pan"),
+    ("wheel", "come nearer, go farther"),
+    ("right drag", "look round"),
+    ("W A S D  Q E", "fly, shift faster"),
+    ("F", "frame all that is there"),
+    ("double click or C", "focus under the cursor"),
+    (", .", "focus nearer, farther"),
+    ("space", "play, pause"),
+    ("left right  Home", "a frame, shift a second; to the start"),
+    ("L drag  [ ] - =", "move the sun"),
+    ("Tab", "compare: truth, kept picture, without an effect"),
+    ("K", "keep this picture to compare with"),
+    ("P", "take a picture, shift an EXR"),
+    ("R", "reload the scene"),
+    ("0", "back to the scene's own view"),
+    ("H", "hide or show the panel"),
+    ("F1 or ?", "this list"),
+    ("Esc", "quit"),
+)
 TURN = np.radians(5.0)  # of the sun a key
 FEELING = 0.006  # radians a pixel of drag
+SPEED = 0.7  # of flying: distances to the target a second
+FASTER = 4.0
+FLIGHT = {"d": (1, 0, 0), "a": (-1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0), "w": (0, 0, 1)}
+FLIGHT["s"] = (0, 0, -1)
+NO_LENS = "this scene calls for no lens: add camera.lens and bake it again"
+WriteExr = Callable[[Path, Any], None]
 
 
 class Viewer:
-    """The state behind the window, moved by the handlers; `view` owns the window itself.
+    """The state behind the window.
 
-    player : of the scene. pictures : folder for screenshots. say : where messages go.
+    player : of the scene. pictures : folder for screenshots. say : where messages go. truth :
+    traces what is seen, None where nothing can. write_exr : writes (path, radiance (h, w, 3)), None
+    where nothing can. reload : reads the scene's files again, given the time shown; None where
+    there are none. edits : what hands changed of the scene; set them
+    by `edit`. size : of the whole picture, pixels: while things move a window may draw fewer.
+    failed : one line on why the last key could not do what it is for, None where it could.
     """
 
     def __init__(
-        self, player: Player, pictures: Path, say: Callable[[str], None] = print, time: float = 0.0
+        self,
+        player: Player,
+        pictures: Path,
+        say: Callable[[str], None] = print,
+        time: float = 0.0,
+        *,
+        truth: Truth | None = None,
+        write_exr: WriteExr | None = None,
+        reload: Callable[[float], None] | None = None,
     ) -> None:
         self.player, self.pictures, self.say = player, pictures, say
         self.time, self.start = time, time
-        self.playing = self.quitting = False
-        self.changed = True
+        self.playing = self.quitting = self.helping = False
+        self.changed = self.panel = True
+        self.size = player.targets.size
+        self.edits = Edits()
+        self.failed: str | None = None
+        self.wipe = Wipe(truth)
+        self._write_exr, self._reload = write_exr, reload
         self._held: set[str] = set()
         self._cursor = (0.0, 0.0)
+        self._choose_effect()
+
+    @property
+    def base(self) -> Any:
+        """The scene as its file has it."""
+        return self.player.own
 
     @property
     def camera(self) -> Camera:
@@ -54,35 +100,74 @@ class Viewer:
         self.player.camera = camera
         self.changed = True
 
-    # handlers: names of keys and buttons, pixels
+    def take(self, player: Player) -> None:
+        """Go on with another player, such as one of a scene read again; edits stay."""
+        self.player = player
+        self._choose_effect()
+        self.edit(self.edits)
+
+    def edit(self, edits: Edits) -> None:
+        """Show the scene with these changes."""
+        self.edits = edits
+        self.apply(edits)
+        self.changed = True
+
+    def apply(self, edits: Edits, player: Player | None = None) -> None:
+        """Let the player, or one that may take its place, draw these changes."""
+        player = player or self.player
+        player.change(edits.of(player.own), hidden=edits.hidden, off=edits.off)
+
+    def _choose_effect(self) -> None:
+        """Let there be an effect to compare without."""
+        found = switches.switches(self.player, self.base, self.edits)
+        names = [switch.name for switch in found if switch.free]
+        if self.wipe.effect not in names:
+            self.wipe.effect = names[-1] if names else ""
+
+    # handlers: names of keys and buttons, pixels of the picture
 
     def key(self, name: str, shift: bool = False) -> None:
         """React to a key that goes down."""
         self._held.add(name)
         action = self._actions(shift).get(name)
         if action:
-            action()
-            self.changed = True
+            self.failed, self.changed = None, True
+            try:
+                action()
+            except (BakelightError, OSError) as error:
+                # Such as a picture on a full disk
+                self.failed = _line(error)
 
     def release(self, name: str) -> None:
         """React to a key or button that comes up."""
         self._held.discard(name)
 
+    def let_go(self) -> None:
+        """Hold nothing any more: the window lost the keyboard."""
+        self._held.clear()
+
     def button(self, name: str) -> None:
         """React to a mouse button (left, middle, right) that goes down."""
         self._held.add(name)
+
+    def double_click(self) -> None:
+        """React to a double click at the cursor."""
+        self.focus_cursor()
+        self.changed = True
 
     def cursor(self, x: float, y: float, shift: bool = False) -> None:
         """React to the mouse at pixel (x, y), y down."""
         dx, dy = x - self._cursor[0], y - self._cursor[1]
         self._cursor = (x, y)
-        height = self.player.targets.size[1]
+        height = self.size[1]
         if "left" in self._held and "l" in self._held:
             self.turn_sun(FEELING * dx, -FEELING * dy)
         elif "middle" in self._held or ("left" in self._held and shift):
             self.camera = orbit.pan(self.camera, -dx / height, dy / height)
         elif "left" in self._held:
             self.camera = orbit.orbit(self.camera, -FEELING * dx, FEELING * dy)
+        elif "right" in self._held:
+            self.camera = orbit.look(self.camera, -FEELING * dx, -FEELING * dy)
 
     def wheel(self, steps: float) -> None:
         """React to the wheel: towards the target for positive steps."""
@@ -92,7 +177,7 @@ class Viewer:
         rate = self.player.scene.time.frame_rate
         step = 1.0 if shift else 1.0 / rate
         return {
-            "space": lambda: setattr(self, "playing", not self.playing),
+            "space": lambda: self._toggle("playing"),
             "left_arrow": lambda: self.seek(self.time - step),
             "right_arrow": lambda: self.seek(self.time + step),
             "home": lambda: self.seek(0.0),
@@ -100,14 +185,26 @@ class Viewer:
             "]": lambda: self.turn_sun(TURN, 0.0),
             "-": lambda: self.turn_sun(0.0, -TURN),
             "=": lambda: self.turn_sun(0.0, TURN),
-            "f": self.focus_centre,
+            "f": self.frame,
+            "c": self.focus_cursor,
             ",": lambda: self.focus_by(1 / 1.05),
             ".": lambda: self.focus_by(1.05),
-            "r": self.reset,
-            "p": self.screenshot,
-            "h": lambda: self.say(HELP),
-            "escape": lambda: setattr(self, "quitting", True),
+            "r": self.reload,
+            "0": self.reset,
+            "p": self.radiance if shift else self.screenshot,
+            "k": self.keep,
+            "tab": self.wipe.next,
+            "h": lambda: self._toggle("panel"),
+            "f1": lambda: self._toggle("helping"),
+            "?": lambda: self._toggle("helping"),
+            "escape": self._escape,
         }
+
+    def _toggle(self, name: str) -> None:
+        setattr(self, name, not getattr(self, name))
+
+    def _escape(self) -> None:
+        self.quitting, self.helping = not self.helping, False
 
     # what they do
 
@@ -115,6 +212,7 @@ class Viewer:
         """Go to a time, round the end of the animation to its start."""
         duration = self.player.scene.time.duration
         self.time = time % duration if duration > 0 else 0.0
+        self.changed = True
 
     def turn_sun(self, azimuth: float, elevation: float) -> None:
         """Turn the first sun, radians."""
@@ -122,23 +220,47 @@ class Viewer:
         self.player.sun_turn = (a + azimuth, e + elevation)
         self.changed = True
 
-    def focus_centre(self) -> None:
-        """Focus on what stands in the middle of the picture."""
-        sets = [
-            np.column_stack([s.positions, s.crown * s.scale, s.asset.height * s.scale])
-            for s in self.player.sprites
-        ]
-        ground = self.player.scene.ground.height if self.player.scene.ground else None
-        self._focus(orbit.distance_at_centre(self.camera, sets, ground))
+    def frame(self) -> None:
+        """Look from the same side at all that is shown, focused on its middle."""
+        found = subject.points(self.player, self.time)
+        if not len(found):
+            self.say("there is nothing to frame")
+            return
+        camera = orbit.frame(self.camera, found, self.size[0] / self.size[1])
+        distance = float(np.linalg.norm(camera.target - camera.position))
+        self.camera = orbit.focus(camera, distance) if self.has_lens else camera
+
+    def focus_cursor(self) -> None:
+        """Focus on what is under the cursor, and turn about it from now on."""
+        if self.changed:
+            # The depth below is that of the last frame
+            self.player.draw(self.time)
+        drawn = self.player.targets.size
+        at = (c * d / s for c, d, s in zip(self._cursor, drawn, self.size, strict=True))
+        distance = subject.distance(self.player, *at)
+        if distance is None:
+            self.say("there is nothing under the cursor")
+            return
+        self.camera = orbit.hold(self.camera, distance)
+        if self.has_lens:
+            self._focus(distance)
+        else:
+            self.say(f"turning about what is {distance:.2f} m away")
 
     def focus_by(self, factor: float) -> None:
         """Move the plane of focus by a factor."""
-        self._focus((self.camera.focus_distance or 1.0) * factor)
+        if self.has_lens:
+            self._focus((self.camera.focus_distance or 1.0) * factor)
+        else:
+            self.say(NO_LENS)
+
+    @property
+    def has_lens(self) -> bool:
+        """Whether anything here blurs by the lens."""
+        blurs = {"depth_of_field", "defocus"}.intersection(self.player.called)
+        return bool(blurs) and self.camera.focus_distance is not None
 
     def _focus(self, distance: float) -> None:
-        if "depth_of_field" not in self.player.called:
-            self.say("this scene calls for no lens: add camera.lens and bake it again")
-            return
         self.camera = orbit.focus(self.camera, distance)
         self.say(f"focus at {self.camera.focus_distance:.2f} m")
 
@@ -146,140 +268,70 @@ class Viewer:
         """Go back to the scene's own camera, sun and first moment."""
         self.player.camera, self.player.sun_turn = None, (0.0, 0.0)
         self.time, self.playing = self.start, False
+        self.changed = True
+
+    def reload(self) -> None:
+        """Read the scene's files again."""
+        if self._reload is None:
+            self.say("nothing to reload: a baked folder alone has no scene file")
+        else:
+            self._reload(self.time)
+
+    def keep(self) -> None:
+        """Keep the picture to compare with."""
+        self.player.targets.resize(self.size)
+        self.wipe.keep(self.player.frame(self.time))
+        self.say("kept: drag the line to compare with what comes")
+
+    # pictures
 
     def screenshot(self) -> Path:
         """Write the frame as a PNG file of the next free number; return its path."""
-        name = self.player.scene.name
-        self.pictures.mkdir(parents=True, exist_ok=True)
-        taken = {p.name for p in self.pictures.glob(f"{name}-*.png")}
-        free = next(n for n in range(1, 10**6) if f"{name}-{n:04}.png" not in taken)
-        path = self.pictures / f"{name}-{free:04}.png"
+        path = self._free(".png")
+        self.player.targets.resize(self.size)
         image.write(path, self.player.frame(self.time)[..., :3])
         self.say(f"picture {path}")
         return path
 
+    def radiance(self) -> None:
+        """Write scene-linear radiance as an EXR file of the next free number."""
+        if self._write_exr is None:
+            self.say("nothing here writes EXR: use bakelight view, or render")
+            return
+        path = self._free(".exr")
+        self.player.targets.resize(self.size)
+        self._write_exr(path, self.player.linear(self.time)[..., :3])
+        self.say(f"picture {path}")
+
+    def _free(self, suffix: str) -> Path:
+        name = self.player.scene.name
+        self.pictures.mkdir(parents=True, exist_ok=True)
+        taken = {p.name for p in self.pictures.glob(f"{name}-*{suffix}")}
+        free = next(n for n in range(1, 10**6) if f"{name}-{n:04}{suffix}" not in taken)
+        return self.pictures / f"{name}-{free:04}{suffix}"
+
+    # time
+
     def advance(self, seconds: float) -> None:
-        """Let time pass where the scene plays."""
+        """Let time pass where the scene plays, and fly while keys are held."""
         if self.playing:
             self.seek(self.time + seconds)
-            self.changed = True
+        way = np.sum([FLIGHT[k] for k in self._held & FLIGHT.keys()] or [(0, 0, 0)], axis=0)
+        if way.any():
+            camera = self.camera
+            metres = SPEED * seconds * float(np.linalg.norm(camera.position - camera.target))
+            if self._held & {"left_shift", "right_shift"}:
+                metres *= FASTER
+            self.camera = orbit.fly(camera, *(metres * way).tolist())
+
+    @property
+    def moving(self) -> bool:
+        """Whether time passes or the camera flies."""
+        return self.playing or bool(self._held & FLIGHT.keys())
 
 
-def view(
-    folder: str | Path,
-    *,
-    size: tuple[int, int] = (960, 540),
-    time: float = 0.0,
-    pictures: str | Path = ".",
-) -> None:
-    """Open a window on a baked scene and stay until it is closed.
-
-    pictures : folder for screenshots. Raises MachineError without glfw or a display.
-    """
-    glfw = _glfw()
-    capture.prepare()
-    window = _window(glfw, size)
-    try:
-        context = capture.window_context(glfw.get_proc_address)
-        with Player(
-            folder, size=glfw.get_framebuffer_size(window), context=context, roaming=True
-        ) as player:
-            glfw.set_window_title(window, f"{player.scene.name} - bakelight")
-            viewer = Viewer(player, Path(pictures), _say, time)
-            _connect(glfw, window, viewer)
-            _say(HELP)
-            _loop(glfw, window, viewer)
-    finally:
-        glfw.terminate()
-
-
-def _loop(glfw: Any, window: Any, viewer: Viewer) -> None:
-    player = viewer.player
-    last = clock.perf_counter()
-    while not (viewer.quitting or glfw.window_should_close(window)):
-        # Sleep while nothing moves
-        if viewer.playing or viewer.changed:
-            glfw.poll_events()
-        else:
-            glfw.wait_events_timeout(0.25)
-        now = clock.perf_counter()
-        viewer.advance(now - last)
-        last = now
-        if viewer.changed:
-            viewer.changed = False
-            player.draw(viewer.time)
-            player.ctx.copy_framebuffer(player.ctx.screen, player.targets.target("picture"))
-            glfw.swap_buffers(window)
-
-
-def _glfw() -> Any:
-    try:
-        import glfw
-    except ImportError:
-        remedy = "pip install 'bakelight[view]', or render without a window: bakelight render"
-        raise MachineError("window", "glfw", "not installed", remedy) from None
-    # Errors come back as values; a warning for each would bury the one line that helps
-    glfw.ERROR_REPORTING = "ignore"
-    if not glfw.init():
-        remedy = "run it where DISPLAY or WAYLAND_DISPLAY is set, or use bakelight render"
-        raise MachineError("window", "display", "none", remedy)
-    return glfw
-
-
-def _window(glfw: Any, size: tuple[int, int]) -> Any:
-    for hint, value in (
-        (glfw.CONTEXT_VERSION_MAJOR, 3),
-        (glfw.CONTEXT_VERSION_MINOR, 3),
-        (glfw.OPENGL_PROFILE, glfw.OPENGL_CORE_PROFILE),
-        (glfw.OPENGL_FORWARD_COMPAT, True),
-    ):
-        glfw.window_hint(hint, value)
-    window = glfw.create_window(*size, "bakelight", None, None)
-    if not window:
-        glfw.terminate()
-        raise MachineError("window", "OpenGL 3.3", "none", capture.REMEDY)
-    glfw.make_context_current(window)
-    glfw.swap_interval(1)
-    return window
-
-
-def _connect(glfw: Any, window: Any, viewer: Viewer) -> None:
-    names = {getattr(glfw, f"KEY_{c.upper()}"): c for c in "fhlpr"}
-    names |= {glfw.KEY_SPACE: "space", glfw.KEY_ESCAPE: "escape", glfw.KEY_HOME: "home"}
-    names |= {glfw.KEY_LEFT: "left_arrow", glfw.KEY_RIGHT: "right_arrow"}
-    names |= {glfw.KEY_LEFT_BRACKET: "[", glfw.KEY_RIGHT_BRACKET: "]"}
-    names |= {glfw.KEY_MINUS: "-", glfw.KEY_EQUAL: "=", glfw.KEY_COMMA: ",", glfw.KEY_PERIOD: "."}
-    buttons = {glfw.MOUSE_BUTTON_LEFT: "left", glfw.MOUSE_BUTTON_MIDDLE: "middle"}
-
-    def shifted() -> bool:
-        sides = (glfw.KEY_LEFT_SHIFT, glfw.KEY_RIGHT_SHIFT)
-        return any(glfw.get_key(window, key) == glfw.PRESS for key in sides)
-
-    def on_key(_: Any, key: int, __: int, action: int, ___: int) -> None:
-        if action == glfw.RELEASE:
-            viewer.release(names.get(key, ""))
-        else:
-            viewer.key(names.get(key, ""), shifted())
-
-    def on_button(_: Any, button: int, action: int, __: int) -> None:
-        act = viewer.release if action == glfw.RELEASE else viewer.button
-        act(buttons.get(button, ""))
-
-    def on_resize(_: Any, width: int, height: int) -> None:
-        if width > 0 and height > 0:
-            viewer.player.targets.resize((width, height))
-            viewer.changed = True
-
-    def on_refresh(_: Any) -> None:
-        viewer.changed = True
-
-    glfw.set_key_callback(window, on_key)
-    glfw.set_mouse_button_callback(window, on_button)
-    glfw.set_cursor_pos_callback(window, lambda _, x, y: viewer.cursor(x, y, shifted()))
-    glfw.set_scroll_callback(window, lambda _, __, steps: viewer.wheel(steps))
-    glfw.set_framebuffer_size_callback(window, on_resize)
-    glfw.set_window_refresh_callback(window, on_refresh)
-
-
-def _say(text: str) -> None:
-    print(text, flush=True)
+def _line(error: Exception) -> str:
+    """Say in a line what a key met on the machine."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}"
+    return str(error).replace("\n", " ")

@@ -138,6 +138,58 @@ def test_opengl_is_looked_for_once(checkout: Path) -> None:
     assert (checkout / "tries").read_text().split() == ["tried"]
 
 
+DESK = ("Xvfb", "openbox", "xdotool")
+
+
+def with_few_programs(checkout: Path, *more: str) -> Path:
+    """Make a folder that holds the few programs that set-up needs, and stand-ins for `more`."""
+    folder = checkout.parent / "few"
+    folder.mkdir(exist_ok=True)
+    for name in ("bash", "dirname", "rm", "touch", "cat", "env"):
+        found = shutil.which(name)
+        assert found is not None
+        (folder / name).symlink_to(found)
+    for name in more:
+        write_program(folder / name, "exit 0")
+    return folder
+
+
+def test_a_desk_that_is_there_is_looked_for_once_and_silently(checkout: Path) -> None:
+    with_fake_venv(checkout)
+    folder = with_few_programs(checkout, *DESK)
+    done = run_setup(checkout, "desk", PATH=str(folder))
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    (folder / "openbox").unlink()
+    done = run_setup(checkout, "desk", PATH=str(folder))
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_without_a_desk_one_line_says_what_to_install_and_nothing_fails(checkout: Path) -> None:
+    with_fake_venv(checkout)
+    folder = with_few_programs(checkout, "Xvfb", "xdotool")
+    done = run_setup(checkout, "desk", PATH=str(folder))
+    assert done.returncode == 0
+    assert done.stderr.count("\n") == 1
+    assert "apt-get install xvfb openbox xdotool" in done.stderr
+
+
+@pytest.mark.parametrize("network", [True, False], ids=["network", "none"])
+def test_a_desk_is_installed_where_it_may_be(checkout: Path, network: bool) -> None:
+    with_fake_venv(checkout)
+    folder = with_few_programs(checkout)
+    write_program(folder / "id", "echo 0")
+    made = " ".join(f'"{folder}/{name}"' for name in DESK)
+    update = f'"update -qq") exit {0 if network else 100};;'
+    (folder / "cp").symlink_to(str(shutil.which("cp")))
+    install = f'install*"xvfb openbox xdotool") for p in {made}; do cp "{folder}/id" "$p"; done;;'
+    write_program(folder / "apt-get", f'case "$*" in {update} {install} esac')
+    done = run_setup(checkout, "desk", PATH=str(folder))
+    assert done.returncode == 0, done.stderr
+    lines = done.stderr.splitlines()
+    assert "installing xvfb openbox xdotool" in lines[0]
+    assert len(lines) == (1 if network else 2)
+
+
 def test_mesa_is_installed_where_it_may_be(checkout: Path) -> None:
     with_fake_venv(checkout, context=f'test -e "{checkout}/mesa"')
     bin_folder = checkout.parent / "bin"

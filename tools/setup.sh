@@ -2,6 +2,8 @@
 # Prepares this checkout; called by make, and does nothing when there is nothing to do.
 #   tools/setup.sh packages EXTRAS   .venv with the project and its extras (view or view,dev)
 #   tools/setup.sh opengl            an OpenGL context that needs no window
+#   tools/setup.sh desk              a virtual screen, for tests of the window; without it they are
+#                                    skipped, so this never fails
 # Every failure is one line that says what to install; exit status 3, as for a machine that lacks
 # something. PYTHON names the interpreter to use.
 set -euo pipefail
@@ -9,6 +11,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
 venv=.venv
 mesa="libegl1 libgl1 libgl1-mesa-dri"
+desk="xvfb openbox xdotool"
 
 say() { printf 'setup: %s\n' "$*" >&2; }
 stop() { say "$*"; exit 3; }
@@ -80,27 +83,46 @@ as_root() {
   if [ "$(id -u)" = 0 ]; then "$@"; else sudo -n "$@"; fi
 }
 
-install_mesa() {
+# apt_install REASON PACKAGE...
+apt_install() {
   command -v apt-get >/dev/null && as_root true 2>/dev/null || return 1
-  say "no OpenGL context can be made: installing $mesa through apt-get"
-  # shellcheck disable=SC2086
+  say "$1: installing ${*:2} through apt-get"
   { as_root apt-get update -qq && as_root env DEBIAN_FRONTEND=noninteractive \
-    apt-get install -y -qq --no-install-recommends $mesa; } </dev/null >"$venv/apt.log" 2>&1
+    apt-get install -y -qq --no-install-recommends "${@:2}"; } </dev/null >"$venv/apt.log" 2>&1
 }
 
 ensure_opengl() {
   local stamp=$venv/opengl
   if [ -f "$stamp" ]; then return; fi
   if ! has_context; then
-    install_mesa || true
+    # shellcheck disable=SC2086
+    apt_install "no OpenGL context can be made" $mesa || true
     has_context || stop "no OpenGL context can be made: install Mesa (Debian, Ubuntu: sudo apt-get install $mesa) and run make again; details in $venv/opengl.log"
   fi
   rm -f "$venv/opengl.log" "$venv/apt.log"
   touch "$stamp"
 }
 
+has_desk() {
+  command -v Xvfb && command -v openbox && command -v xdotool
+} >/dev/null
+
+# Tried once: who installs it later needs no set-up for it.
+ensure_desk() {
+  local stamp=$venv/desk
+  if [ -f "$stamp" ]; then return; fi
+  if ! has_desk; then
+    # shellcheck disable=SC2086
+    apt_install "there is no virtual screen for tests of the window" $desk || true
+    has_desk || say "tests of the window are skipped (Debian, Ubuntu: sudo apt-get install $desk)"
+  fi
+  rm -f "$venv/apt.log"
+  touch "$stamp"
+}
+
 case "${1:-}" in
   packages) install_packages "${2:?which extras}" ;;
   opengl) ensure_opengl ;;
-  *) stop "usage: tools/setup.sh packages EXTRAS | opengl" ;;
+  desk) ensure_desk ;;
+  *) stop "usage: tools/setup.sh packages EXTRAS | opengl | desk" ;;
 esac

@@ -1,5 +1,6 @@
 """A marble head, half-way between an idol and an egg; see plinth.py for what it stands on."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.interpolate import CubicSpline
 from skimage.measure import marching_cubes
 
 Indices = NDArray[np.int64]
+Shape = Callable[[Array], Array]  # near distance in centimetres of points (..., 3)
 MARBLE = np.array([0.69, 0.665, 0.62])
 SCALE = 0.015  # metres a centimetre drawn: half as large again as life
 TILT = np.radians(7.0)  # of the head, chin forward
@@ -135,10 +137,10 @@ def sculpture(p: Array) -> Array:
     return hair(q, head)
 
 
-def gradient(p: Array, step: float = 0.02) -> Array:
+def gradient(p: Array, step: float = 0.02, shape: Shape = sculpture) -> Array:
     """Unit normals (n, 3) of the sculpture, from differences over `step` centimetres."""
     steps = np.eye(3) * step
-    return unit(np.stack([sculpture(p + e) - sculpture(p - e) for e in steps], axis=-1))
+    return unit(np.stack([shape(p + e) - shape(p - e) for e in steps], axis=-1))
 
 
 def stepped(*spans: tuple[float, float, float]) -> Array:
@@ -146,15 +148,15 @@ def stepped(*spans: tuple[float, float, float]) -> Array:
     return np.concatenate([np.arange(start, end - 0.1, step) for start, step, end in spans])
 
 
-def polygonise(axes: list[Array]) -> tuple[Array, Indices]:
+def polygonise(axes: list[Array], shape: Shape = sculpture) -> tuple[Array, Indices]:
     """Triangles of the sculpture over a grid of uneven steps, open at the lowest height."""
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    p, faces, _, _ = marching_cubes(sculpture(grid).astype(np.float32), 0.0)
+    p, faces, _, _ = marching_cubes(shape(grid).astype(np.float32), 0.0)
     p = np.stack([np.interp(p[:, k], np.arange(len(a)), a) for k, a in enumerate(axes)], axis=1)
     return p.astype(np.float64), faces.astype(np.int64)
 
 
-def relax(p: Array, faces: Indices, rounds: int = 6) -> Array:
+def relax(p: Array, faces: Indices, rounds: int = 6, shape: Shape = sculpture) -> Array:
     """Even out triangles along the surface and lay their corners onto it; the rim stays level."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     edges = np.unique(np.sort(edges, axis=1), axis=0)
@@ -165,12 +167,12 @@ def relax(p: Array, faces: Indices, rounds: int = 6) -> Array:
         np.add.at(total, edges[:, 0], p[edges[:, 1]])
         np.add.at(total, edges[:, 1], p[edges[:, 0]])
         step = 0.5 * (total / count - p)
-        n = gradient(p)
+        n = gradient(p, shape=shape)
         step -= n * np.sum(step * n, axis=1, keepdims=True)
         p = p + np.where(rim[:, None], 0.0, step)
         for _ in range(2):
-            n = gradient(p)
-            p = p - n * np.clip(sculpture(p), -0.3, 0.3)[:, None] * ~rim[:, None]
+            n = gradient(p, shape=shape)
+            p = p - n * np.clip(shape(p), -0.3, 0.3)[:, None] * ~rim[:, None]
     return p
 
 

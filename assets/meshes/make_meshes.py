@@ -10,11 +10,14 @@ from pathlib import Path
 import birch
 import broadleaf
 import bust
+import cat
 import conifers
 import glowcaps
 import grasses
 import herbs
+import market
 import plinth
+import plum
 import shrubs
 import stonework
 from clay import Clay
@@ -46,6 +49,10 @@ MAKERS: dict[str, Callable[[], Clay]] = {
     "bust": bust.bust,
     "plinth": plinth.plinth,
     "gallery_wall": plinth.wall,
+    "cat": cat.sitting_cat,
+    "paper_lantern": market.paper_lantern,
+    "banner": market.banner,
+    "plum_branch": plum.plum_branch,
 }
 
 

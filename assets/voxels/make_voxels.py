@@ -8,14 +8,21 @@ from pathlib import Path
 
 import courtyard
 import numpy as np
+import street
+import street_parts
 import vox_file
 
 
 def make(folder: Path) -> list[Path]:
-    """Write the courtyard and its door."""
-    palette = {index: f"#{r:02x}{g:02x}{b:02x}" for index, (r, g, b) in courtyard.PALETTE.items()}
+    """Write the courtyard, its door, and the street."""
+    worlds = {
+        "courtyard": (courtyard.courtyard(), courtyard.PALETTE),
+        "door": (courtyard.door(), courtyard.PALETTE),
+        "street": (street.street(), street_parts.PALETTE),
+    }
     found = []
-    for name, cells in (("courtyard", courtyard.courtyard()), ("door", courtyard.door())):
+    for name, (cells, colours) in worlds.items():
+        palette = {index: f"#{r:02x}{g:02x}{b:02x}" for index, (r, g, b) in colours.items()}
         path = folder / f"{name}.vox"
         # A file's y runs away from the viewer and its z up
         turned = np.ascontiguousarray(cells[::-1].transpose(1, 0, 2))

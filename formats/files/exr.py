@@ -79,16 +79,48 @@ def write(
         stored = np.ascontiguousarray(pixels, np.float16 if half else np.float32)
         channels = _CHANNELS[stored.shape[2]]
         made.append((header, {channels: stored[..., 0] if channels == "Y" else stored}, name))
-    with atomic.replacing(Path(path)) as temporary:
-        try:
-            OpenEXR.File([OpenEXR.Part(*part) for part in made]).write(str(temporary))
-        except (RuntimeError, ValueError, TypeError) as error:
-            # OpenEXR does not say why: ask the disk before blaming the arguments
-            if shutil.disk_usage(temporary.parent).free < sum(p.nbytes for p in checked.values()):
-                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
-            remedy = "check the attributes, and that the folder can be written"
-            raise InputError(path, "write", str(error), remedy) from error
+    parts_made = [OpenEXR.Part(*part) for part in made]
+    _save(path, parts_made, sum(p.nbytes for p in checked.values()))
     return clamped
+
+
+def write_layers(
+    path: Path,
+    layers: Mapping[str, tuple[str, NDArray[Any]]],
+    *,
+    attributes: Mapping[str, Any] | None = None,
+) -> None:
+    """Write one part with layers as compositors read them, atomically: channels `normal.X`, ...
+
+    layers : name -> letters of the channels, and (h, w, c) of float16 or float32, stored as such;
+    the name "" gives plain channels. All have one size. attributes : as of `write`. Raises
+    InputError naming the layer for other shapes and types and for values that are not finite.
+    """
+    import OpenEXR
+
+    channels: dict[str, NDArray[Any]] = {}
+    shape = next(iter(layers.values()))[1].shape[:2] if layers else ()
+    for name, (letters, pixels) in layers.items():
+        where, kinds = f"layer {name!r}", (np.float16, np.float32)
+        if pixels.ndim != 3 or 0 in pixels.shape or pixels.shape != (*shape, len(letters)):
+            raise InputError(path, where, pixels.shape, f"give {len(letters)} channels of one size")
+        if max(shape) > MAX_EXTENT or pixels.dtype not in kinds:
+            remedy = f"give float16 or float32, at most {MAX_EXTENT} a side"
+            raise InputError(path, where, f"{pixels.dtype}, {shape}", remedy)
+        if not np.all(np.isfinite(pixels)):
+            raise InputError(path, where, "not finite", "replace NaN and infinity")
+        for number, letter in enumerate(letters):
+            label = f"{name}.{letter}".lstrip(".")
+            channels[label] = np.ascontiguousarray(pixels[..., number])
+    if not channels:
+        raise InputError(path, "layers", "none", "give at least one")
+    header = {
+        **(attributes or {}),
+        "type": OpenEXR.scanlineimage,
+        "compression": OpenEXR.ZIP_COMPRESSION,
+    }
+    size = sum(c.nbytes for c in channels.values())
+    _save(path, [OpenEXR.Part(header, channels, "")], size)
 
 
 def read(path: Path) -> dict[str, NDArray[np.float32]]:
@@ -117,6 +149,21 @@ def read(path: Path) -> dict[str, NDArray[np.float32]]:
                     key = key if key not in pictures else f"{key}.{label}".lstrip(".")
                     pictures[key] = _pixels(path, key, part.channels[label].pixels, shape)
     return pictures
+
+
+def _save(path: Path, parts: list[Any], size: int) -> None:
+    """Write parts of about `size` bytes."""
+    import OpenEXR
+
+    with atomic.replacing(Path(path)) as temporary:
+        try:
+            OpenEXR.File(parts).write(str(temporary))
+        except (RuntimeError, ValueError, TypeError) as error:
+            # OpenEXR does not say why: ask the disk before blaming the arguments
+            if shutil.disk_usage(temporary.parent).free < size:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
+            remedy = "check the attributes, and that the folder can be written"
+            raise InputError(path, "write", str(error), remedy) from error
 
 
 def _checked(path: Path, name: str, values: NDArray[Any]) -> NDArray[Any]:

@@ -118,8 +118,9 @@ def _found(path: Path, i: int, name: str, beside: dict[str, list[Path]]) -> Path
     if len(alike := beside.get(stored.name.lower(), [])) == 1:
         candidates += alike
     for candidate in candidates:
-        if candidate.is_file():
-            return candidate
+        with suppress(OSError):  # such as a name that is too long
+            if candidate.is_file():
+                return candidate
     raise InputError(path, f"line {i}", name, "no such photograph: put it beside the .lp file")
 
 

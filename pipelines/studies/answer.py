@@ -1,35 +1,44 @@
-"""The answer to one question: rows, a title that says it, a plot; and how it is written down."""
+"""The one form of a study's answer: points with an error and its interval, prices, pictures.
+
+A point is a row with the columns of COMMON. `error` stands in the unit that the study names, and
+`error_low`, `error_high` are its 95 % interval; prices that a study does not know are left out.
+"""
 
 from __future__ import annotations
 
-import csv
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from bake import machine, workers
-from pipelines.studies.subjects import Setting
+from pipelines.studies.interval import Interval
 
-# Okabe and Ito 2008, Color Universal Design: told apart by every kind of colour vision
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#F0E442")
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-LIBRARIES = ("embreex", "numpy", "scipy", "trimesh")
+COMMON = (
+    "subject", "series", "setting", "error", "error_low", "error_high", "bake_seconds", "frame_ms",
+    "bytes", "default",
+)  # fmt: skip
+PRICES = {
+    "bake_seconds": "processor seconds to bake",
+    "frame_ms": "processor milliseconds a frame",
+    "bytes": "bytes on the card",
+}
+
+LIBRARIES = ("embreex", "numpy", "scipy", "trimesh", "moderngl")
 
 Row = dict[str, float | int | str]
+Picture = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class Panel:
     """One set of axes. lines : name -> points (x, y). marked : x of the default, or None.
     scales : "log" or "linear" for x and y. ticks : labels of x, where x counts 0, 1, 2, ...
-    joined : draw lines between the points."""
+    joined : draw lines between the points. slopes : tell the exponent of each line, by least
+    squares of logarithms."""
 
     x: str
     y: str
@@ -38,117 +47,131 @@ class Panel:
     scales: tuple[str, str] = ("log", "linear")
     ticks: Sequence[str] = ()
     joined: bool = True
+    slopes: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """What a point looks like, (h, w, 3) as a screen shows it, and what it should look like."""
+
+    picture: Picture
+    truth: Picture | None = None
 
 
 @dataclass(frozen=True)
 class Answer:
     """What a study found.
 
-    title : the answer, a sentence. truth : what it was measured against. rows : all measurements.
-    table : those worth printing, by default all. figures : numbers that are cited. pictures : name
-    -> (h, w, 3) uint8.
+    title : the answer, a sentence. truth : what it was measured against. rows : all measurements;
+    those with COMMON's columns are points. unit : what `error` is, with its unit. axes : columns
+    that points are drawn against, with their labels. measure : the column drawn there, as a rule
+    the error. shots : (subject, setting) -> what that point looks like. panels : further plots.
+    table : rows worth printing, by default all. figures : numbers that are cited. pictures : name
+    -> (h, w, 3) uint8. decibels : show -20 log10(error) beside the error.
     """
 
     question: str
     title: str
     truth: str
     rows: Sequence[Row]
-    panels: Sequence[Panel]
+    unit: str
+    panels: Sequence[Panel] = ()
+    axes: Mapping[str, str] = field(default_factory=lambda: PRICES)
+    measure: str = "error"
+    shots: Mapping[tuple[str, str], Shot] = field(default_factory=dict)
     table: Sequence[Row] = ()
     figures: dict[str, Any] = field(default_factory=dict)
-    pictures: Mapping[str, NDArray[np.uint8]] = field(default_factory=dict)
+    pictures: Mapping[str, Picture] = field(default_factory=dict)
+    decibels: bool = False
+
+    @property
+    def points(self) -> list[Row]:
+        """The rows that plots and pages show."""
+        return [row for row in self.rows if "setting" in row and self.measure in row]
+
+    def columns(self) -> list[str]:
+        """Return the columns that points are drawn against: those with at least two values."""
+        found = []
+        for name in self.axes:
+            values = {row[name] for row in self.points if name in row}
+            if len(values) > 1:
+                found.append(name)
+        return found
 
 
-def write(answer: Answer, out: Path, setting: Setting, seconds: float) -> list[Path]:
-    """Write <question>.csv, .json, .svg, .png and <question>-<picture>.png into a folder.
+def point(
+    subject: str,
+    setting: str,
+    error: Interval | None,
+    *,
+    series: str = "",
+    bake_seconds: float | None = None,
+    frame_ms: Interval | float | None = None,
+    bytes: int | None = None,
+    default: bool = False,
+    **more: float | int | str,
+) -> Row:
+    """Return one measurement in the common form; `setting` is told apart within its subject.
 
-    Returns their paths, in this order.
+    series : points of one colour, by default the subject. more : further columns.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    stem = out / answer.question
-    columns = list(dict.fromkeys(name for row in answer.rows for name in row))
-    with open(stem.with_suffix(".csv"), "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, columns, lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(answer.rows)
-    data = {
-        "question": answer.question,
-        "answer": answer.title,
-        "truth": answer.truth,
-        "figures": answer.figures,
-        "quick": setting.quick,
-        "source": None if setting.source is None else setting.source.name,
-        "seed": setting.seed,
-        "seconds": round(seconds, 2),
-        **environment(),
-        "rows": list(answer.rows),
-    }
-    text = json.dumps(data, indent=1, allow_nan=False)
-    stem.with_suffix(".json").write_text(text + "\n", encoding="utf-8")
-    files = [stem.with_suffix(s) for s in (".csv", ".json")] + draw(answer, stem)
-    for name, picture in answer.pictures.items():
-        files.append(out / f"{answer.question}-{name}.png")
-        Image.fromarray(picture).save(files[-1])
-    return files
+    row: Row = {"subject": subject, "series": series or subject, "setting": setting}
+    if error is not None:
+        row |= {"error": error.value, "error_low": error.low, "error_high": error.high}
+    if bake_seconds is not None:
+        row["bake_seconds"] = bake_seconds
+    if isinstance(frame_ms, Interval):
+        row |= {"frame_ms": frame_ms.value, "frame_ms_low": frame_ms.low}
+        row["frame_ms_high"] = frame_ms.high
+    elif frame_ms is not None:
+        row["frame_ms"] = frame_ms
+    if bytes is not None:
+        row["bytes"] = bytes
+    return row | {"default": int(default)} | more
 
 
 def environment() -> dict[str, Any]:
-    """Return the machine and the versions that a measurement holds for."""
+    """Return the machine and the versions that a measurement holds for, and how busy it is."""
     return {
         "machine": machine.name(),
         "cores": os.cpu_count(),
         "threads": workers.count(),
+        "load": round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None,
         "versions": machine.versions(LIBRARIES),
     }
 
 
-def draw(answer: Answer, stem: Path) -> list[Path]:
-    """Plot the panels side by side, as SVG and PNG."""
-    import matplotlib
+def front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Return which points (price, error) no other beats in both, by rising price.
 
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    # Text stays text, and the same measurements give the same file
-    matplotlib.rcParams |= {"svg.fonttype": "none", "svg.hashsalt": answer.question, "font.size": 9}
-    figure, axes = pyplot.subplots(
-        1, len(answer.panels), figsize=(5.2 * len(answer.panels), 4), squeeze=False
-    )
-    for one, panel in zip(axes[0], answer.panels, strict=True):
-        _panel(one, panel)
-    figure.suptitle(answer.title, fontsize=10, wrap=True)
-    figure.tight_layout()
-    files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
-    figure.savefig(files[0], metadata={"Date": None})
-    figure.savefig(files[1], dpi=150)
-    pyplot.close(figure)
-    return files
+    >>> front([(1, 5), (2, 6), (3, 2), (3, 4)])
+    [0, 2]
+    """
+    best, found = np.inf, []
+    for i in sorted(range(len(points)), key=lambda i: points[i]):
+        if points[i][1] < best:
+            best = points[i][1]
+            found.append(i)
+    return found
 
 
-def _panel(axes: Any, panel: Panel) -> None:
-    for i, (name, points) in enumerate(panel.lines.items()):
-        style = {"color": COLOURS[i % len(COLOURS)], "marker": MARKERS[i % len(MARKERS)]}
-        style["linestyle"] = "-" if panel.joined else "none"
-        axes.plot(*zip(*points, strict=True), label=name, markersize=4, linewidth=1.2, **style)
-    if panel.marked is not None:
-        axes.axvline(panel.marked, color="0.4", linestyle=":", linewidth=1, label="default")
-    axes.set(xlabel=panel.x, ylabel=panel.y, xscale=panel.scales[0], yscale=panel.scales[1])
-    _label(axes, panel)
-    axes.grid(alpha=0.3)
-    if len(panel.lines) > 1 or panel.marked is not None:
-        axes.legend(fontsize=7)
+def lines_of(
+    rows: Sequence[Row], x: str, y: str, *names: str
+) -> dict[str, list[tuple[float, float]]]:
+    """Return a panel's lines: the rows that have both columns, a line for each value of `names`."""
+    lines: dict[str, list[tuple[float, float]]] = {}
+    for row in rows:
+        if x in row and y in row:
+            name = ", ".join(str(row[n]) for n in names)
+            lines.setdefault(name, []).append((float(row[x]), float(row[y])))
+    return lines
 
 
-def _label(axes: Any, panel: Panel) -> None:
-    """Name the very points on x where they are few, and plain numbers on a short logarithmic y."""
-    from matplotlib.ticker import LogFormatter, NullLocator
+def slope_of(points: Sequence[tuple[float, float]]) -> float:
+    """Return the exponent of y over x, by least squares of logarithms.
 
-    every = sorted({x for points in panel.lines.values() for x, _ in points})
-    if panel.ticks:
-        axes.set_xticks(range(len(panel.ticks)), panel.ticks)
-    elif panel.scales[0] == "log" and len(every) <= 14:
-        axes.set_xticks(every, [f"{x:g}" for x in every])
-        axes.xaxis.set_minor_locator(NullLocator())
-    if panel.scales[1] == "log":
-        axes.yaxis.set_major_formatter(LogFormatter())
-        axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2, 0.5)))
+    >>> round(slope_of([(1, 8), (4, 4), (16, 2)]), 6)
+    -0.5
+    """
+    x, y = np.log(np.asarray(points, np.float64)).T
+    return float(np.polyfit(x, y, 1)[0])

@@ -14,9 +14,9 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from statistics import median
 from time import perf_counter, process_time
 
 import click
@@ -27,9 +27,11 @@ from pipelines.studies import occlusion_rays, ray_calls
 from pipelines.studies.answer import environment
 from pipelines.studies.subjects import Setting
 
-SCENE = Path("assets/scenes/grove.toml")
+SCENES = Path("assets/scenes")
+SCENE = SCENES / "grove.toml"
 SIZE = (640, 360)
-HOURS = (6.5, 12.0, 18.6, 20.5)
+SHARES = (0.2, 0.5, 0.8)  # of a scene's time, at which its passes are measured
+FIRST_FRAME = 1.5  # seconds from process start, on 2 cores without a graphics card
 ROUNDS = 5
 # As a scale, for a statue of 70,000 faces (a --source) on 2 cores: Mitsuba 3 (LLVM) takes 6.2 s for
 # 64 directions, 512x512, 16 samples. The knot fills more of its sprite and casts twice its rays.
@@ -131,31 +133,36 @@ def commands(source: Path | None) -> Iterator[Figure]:
         "no-op bake of the grove", best_of(lambda: _run([*program, "bake", str(SCENE)])), "s", 0.5
     )
     with tempfile.TemporaryDirectory() as folder:
-        size, picture = f"{SIZE[0]}x{SIZE[1]}", str(Path(folder) / "frame.png")
-        words = [*program, "render", str(SCENE), "--time", "12", "--size", size, "-o", picture]
-        yield Figure("first frame of the grove, written", best_of(lambda: _run(words)), "s", 1.5)
+        out = f"{folder}/frame.png"
+        for scene in scenes():
+            _run([*program, "bake", str(scene)])
+            words = ["-m", "pipelines.studies.first_frame", str(scene), out, *map(str, SIZE)]
+            seconds = best_of(partial(_run, [sys.executable, *words]))
+            yield Figure(f"first frame of {scene.stem}, written", seconds, "s", FIRST_FRAME)
 
 
 def frames(source: Path | None) -> Iterator[Figure]:
-    """Milliseconds of a frame and of its passes, the median over frames at four hours."""
+    """Milliseconds of a frame of each scene and of its passes: medians, every pass drawn."""
     del source
+    from formats.scene import load
+    from pipelines import profile
+    from pipelines.studies.first_frame import gathered
     from runtime.player import Player
 
-    with Player(Path("build/scenes") / SCENE.stem, size=SIZE) as player:
-        player.reuse = False
-        passes: dict[str, list[float]] = {}
-        for hour in HOURS:
-            player.frame(hour)
-            for _ in range(ROUNDS):
-                player.frame(hour)
-                for name, spent in player.profile["milliseconds"].items():
-                    passes.setdefault(name, []).append(spent)
-        profile = player.profile
-    middles = {name: median(spent) for name, spent in passes.items()}
-    how = f"{SIZE[0]}x{SIZE[1]}, {profile['renderer']}, {profile['timing']}"
-    yield Figure(f"frame ({how})", sum(middles.values()), "ms")
-    for name, spent in middles.items():
-        yield Figure(f"pass {name}", spent, "ms")
+    for scene in scenes():
+        folder = Path("build/scenes") / scene.stem
+        with Player(folder, size=SIZE, roaming=gathered(load(scene))) as player:
+            duration = player.scene.time.duration
+            found = profile.measure(player, [share * duration for share in SHARES])
+        how = f"{SIZE[0]}x{SIZE[1]}, {found['renderer']}, {found['timing']}"
+        yield Figure(f"{scene.stem}: frame ({how})", found["frame"]["milliseconds"], "ms")
+        for row in found["table"]:
+            yield Figure(f"{scene.stem}: pass {row['name']}", row["milliseconds"], "ms")
+
+
+def scenes() -> list[Path]:
+    """Return the scenes of the checkout."""
+    return sorted(SCENES.glob("*.toml"))
 
 
 def shadows(source: Path | None) -> Iterator[Figure]:

@@ -12,14 +12,21 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bake import dome, dome_knobs, photographs
+from bake import dome, dome_knobs, dome_report, photographs
 from bake.photographs import Photographs, Space
+from formats.dome import Dome
+from maths import hemispherical_harmonics
 from maths.colour import srgb_encode
 from pipelines.studies import glossy_ball
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.answer import Answer, Panel, Row, Shot, point
+from pipelines.studies.interval import Interval, rms
 from pipelines.studies.subjects import Setting
 
+Float = NDArray[np.float32]
+
+TAKES = ("photographs",)
 SPACES: tuple[Space, ...] = ("stored", "linear")
 FOLDS = 9
 CHANNELS = (4, 8, 12, 16, 20, 24, 27)
@@ -35,17 +42,18 @@ def measure(setting: Setting) -> Answer:
     by_penalty: dict[str, list[tuple[float, float]]] = {}
     table: list[Row] = []
     figures: dict[str, Any] = {}
+    shots: dict[tuple[str, str], Shot] = {}
     for space in SPACES:
         taken = subject(setting, space)
-        folds = [folded(taken, i, DEFAULT) for i in range(setting.pick(1, FOLDS))]
+        folds = [folded(taken, i, DEFAULT, shots) for i in range(setting.pick(1, FOLDS))]
         means = {
             name: float(np.mean([float(row[name]) for row in folds]))
             for name in ("ours_db", "ptm_18_db", "hsh_27_db", "seconds")
         }
-        rows += folds
+        rows += folds + others(taken, shots)
         figures[space] = means
         for channels in QUICK if setting.quick else CHANNELS:
-            row = folds[0] if channels == DEFAULT else folded(taken, 0, channels)
+            row = folds[0] if channels == DEFAULT else folded(taken, 0, channels, shots)
             rows += [row] if channels != DEFAULT else []
             by_channels.setdefault(space, []).append((channels, float(row["ours_db"])))
         knobs = grid(taken, setting)
@@ -64,6 +72,9 @@ def measure(setting: Setting) -> Answer:
         title=f"16 channels of 8 bits meet unseen lights to {ours}",
         truth="photographs that no fit saw",
         rows=rows,
+        unit="RMS error of a held-out photograph, share of white",
+        decibels=True,
+        shots=shots,
         panels=(
             Panel("channels", "held-out PSNR of one fold, dB", by_channels, marked=DEFAULT),
             Panel("penalty", "leave-one-light-out PSNR, dB", by_penalty),
@@ -75,7 +86,7 @@ def measure(setting: Setting) -> Answer:
 
 def subject(setting: Setting, space: Space) -> Photographs:
     """Return the user's photographs (.lp), or 49 pictures of the glossy ball."""
-    if setting.source is not None and setting.source.suffix.lower() == ".lp":
+    if setting.source is not None:
         return photographs.load(setting.source, space=space)
     directions = glossy_ball.lights(49)
     pictures = glossy_ball.ball(directions, setting.pick(16, 128))
@@ -84,12 +95,32 @@ def subject(setting: Setting, space: Space) -> Photographs:
     return Photographs(pictures, directions, space)
 
 
-def folded(taken: Photographs, fold: int, channels: int) -> Row:
+def folded(
+    taken: Photographs, fold: int, channels: int, shots: dict[tuple[str, str], Shot] | None = None
+) -> Row:
     """Fit without the lights fold, fold + 9, ... and measure at these."""
     held = tuple(range(fold, len(taken.directions), FOLDS))
     began = perf_counter()
-    quality = dome.fit(taken, params=dome.Params(held_out=held, channels=channels)).quality
-    return {
+    made = dome.fit(taken, params=dome.Params(held_out=held, channels=channels))
+    seconds = perf_counter() - began
+    quality = made.quality
+    relit = shown(made, taken, held)
+    row: Row = {}
+    # Further folds of the same setting are no points of their own
+    if fold == 0:
+        what = f"{channels} channels, 8 bits"
+        row = point(
+            taken.space,
+            what,
+            error_of(relit, taken, held),
+            series="dome",
+            bake_seconds=seconds,
+            bytes=sum(level.nbytes for level in made.levels),
+            default=channels == DEFAULT,
+        )
+        if shots is not None:
+            shots[taken.space, what] = shot(relit[0], taken, held[0])
+    return row | {
         "space": taken.space,
         "measured": "held-out fold",
         "fold": fold,
@@ -104,8 +135,59 @@ def folded(taken: Photographs, fold: int, channels: int) -> Row:
         "expected_db": quality["leave_one_out_psnr"],
         "loss_channels_db": quality["loss_channels_db"],
         "loss_bits_db": quality["loss_bits_db"],
-        "seconds": perf_counter() - began,
+        "seconds": seconds,
     }
+
+
+def shown(made: Dome, taken: Photographs, held: tuple[int, ...]) -> Float:
+    """Return what the codes of a dome show under the lights `held`: (n, h, w, 3)."""
+    border, (height, width) = int(made.quality["border"]), taken.pictures.shape[1:3]
+    channels = made.decoded()[border : border + height, border : border + width]
+    bands = round(made.components.shape[1] ** 0.5)
+    basis = hemispherical_harmonics.evaluate(taken.directions[list(held)], bands)
+    colours = np.einsum("lj,kjc->lkc", basis, made.components)
+    return np.asarray(np.einsum("hwk,lkc->lhwc", channels, colours), np.float32)
+
+
+def others(taken: Photographs, shots: dict[tuple[str, str], Shot]) -> list[Row]:
+    """Return points of the two other methods, in floats, at the first fold."""
+    held = tuple(range(0, len(taken.directions), FOLDS))
+    train = np.setdiff1d(np.arange(len(taken.directions)), held)
+    found = dome_report.baselines(taken.directions[train], taken.directions[list(held)])
+    rows = []
+    for name, (label, numbers) in {"ptm_18": ("PTM", 18), "hsh_27": ("HSH", 27)}.items():
+        began = perf_counter()
+        relit = np.tensordot(found[name].astype(np.float32), taken.pictures[train], (1, 0))
+        what = f"{label}, {numbers} floats"
+        rows.append(
+            point(
+                taken.space,
+                what,
+                error_of(relit, taken, held),
+                series=label,
+                bake_seconds=perf_counter() - began,
+                bytes=4 * numbers * taken.pictures[0].size // 3,
+                space=taken.space,
+                measured="first fold",
+            )
+        )
+        shots[taken.space, what] = shot(relit[0], taken, held[0])
+    return rows
+
+
+def error_of(relit: Float, taken: Photographs, held: tuple[int, ...]) -> Interval:
+    """Return the error of values as a screen shows them, its spread that between photographs."""
+    truth = dome_knobs.seen(taken.pictures[list(held)], taken.space)
+    return rms(np.mean(np.square(dome_knobs.seen(relit, taken.space) - truth), axis=(1, 2, 3)))
+
+
+def shot(relit: Float, taken: Photographs, held: int) -> Shot:
+    """Return a photograph as relit, and as taken."""
+    codes = [
+        np.asarray(np.rint(255 * np.clip(dome_knobs.seen(p, taken.space), 0, 1)), np.uint8)
+        for p in (relit, taken.pictures[held])
+    ]
+    return Shot(codes[0], codes[1])
 
 
 def grid(taken: Photographs, setting: Setting) -> list[Row]:

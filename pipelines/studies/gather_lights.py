@@ -20,11 +20,13 @@ import numpy as np
 from bake import voxel_faces
 from formats.lightmap import Faces
 from formats.voxels import Voxels
-from pipelines.studies import cube_gathers
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies import cube_gathers, cube_views
+from pipelines.studies.answer import Answer, Panel, Row, Shot, point
 from pipelines.studies.cube_gathers import Card
+from pipelines.studies.interval import Interval, ratio
 from pipelines.studies.subjects import Setting
 
+TAKES = ("voxels",)
 COUNTS = (1, 10, 100, 1_000, 10_000)
 MODES = ("talk", "exact")
 WAYS = {"aimed": True, "free": False}
@@ -39,28 +41,65 @@ LINES = {
 
 def measure(setting: Setting) -> Answer:
     """Time passes with more and more glowing cells; compare their light with traced light."""
-    rounds, passes = setting.pick(8, 30), setting.pick(64, 128)
+    rounds, passes = setting.pick(3, 30), setting.pick(48, 128)
     rays = setting.pick(256, 1024)
-    rows = measured(cube_gathers.courtyard(), COUNTS, rounds, passes, rays)
+    world, _ = cube_gathers.worlds(setting.source)
+    shots: dict[tuple[str, str], Shot] = {}
+    counts = counts_of(world)[:: setting.pick(2, 1)]
+    rows = measured(world, counts, rounds, passes, rays, shots)
     ratios = {name: spread_of([float(row[name]) for row in rows]) for name in LINES}
-    later = {name: spread_of([float(row[name]) for row in rows[1:]]) for name in LINES}
+    later = {name: spread_of([float(row[name]) for row in rows[1:] or rows]) for name in LINES}
     gain = [float(row["free_mean"]) / float(row["aimed_mean"]) for row in rows]
     return Answer(
         question="gather_lights",
-        title=f"from {COUNTS[0]} (from {COUNTS[1]}) to {COUNTS[-1]:,} glowing cells, longest over "
-        f"shortest: a pass of `talk` {told(ratios, later, 'talk_ms')}, of `exact` "
-        f"{told(ratios, later, 'exact_ms')}, a cell that its rays visit "
-        f"{told(ratios, later, 'exact_ns_a_cell')}; aiming divides the mean error of as much time "
-        f"by " + ", ".join(f"{each:.3g}" for each in gain),
+        title=f"A pass takes at most {ratios['talk_ms']:.2f} times as long with "
+        f"{rows[-1]['glowing']:,} glowing cells as with 1 (`talk`; `exact` "
+        f"{ratios['exact_ms']:.2f}); aiming rays divides the error by "
+        + ", ".join(
+            f"{each:.3g} with {row['glowing']:,}" for each, row in zip(gain, rows, strict=True)
+        ),
         truth=f"{rays} rays of Embree a texel, no bounces; times are the processor's",
-        rows=rows,
+        rows=[*rows, *points(rows)],
+        unit="mean error of light after as much time, share of its mean",
+        axes={"glowing": "glowing cells"},
+        shots=shots,
+        table=rows,
         panels=panels(rows),
-        figures={"ratios": ratios, "ratios_from_10": later, "gain": gain},
+        figures={"ratios": ratios, "ratios_without_1": later, "gain": gain},
     )
 
 
+def counts_of(world: Voxels) -> tuple[int, ...]:
+    """Return those of COUNTS that a world has cells for which show."""
+    faces = voxel_faces.layout(world.cells, texels=1)
+    most = len(np.unique(faces.cell())) - 1
+    return tuple(count for count in COUNTS if count <= most)
+
+
+def points(rows: list[Row]) -> list[Row]:
+    """Return each way of each row in the common form."""
+    return [
+        point(
+            "courtyard",
+            f"{row['glowing']:,} glowing, {'half of the rays aimed' if aim else 'none aimed'}",
+            Interval(*(float(row[f"{name}_mean{end}"]) for end in ("", "_low", "_high"))),
+            series="half of the rays aimed" if aim else "none aimed",
+            frame_ms=float(row["exact_ms"]) if aim else float(row["free_ms"]),
+            default=aim,
+            glowing=row["glowing"],
+        )
+        for row in rows
+        for name, aim in WAYS.items()
+    ]
+
+
 def measured(
-    world: Voxels, counts: tuple[int, ...], rounds: int, passes: int, rays: int
+    world: Voxels,
+    counts: tuple[int, ...],
+    rounds: int,
+    passes: int,
+    rays: int,
+    shots: dict[tuple[str, str], Shot] | None = None,
 ) -> list[Row]:
     """Return one row for each number of glowing cells."""
     faces = voxel_faces.layout(
@@ -83,7 +122,7 @@ def measured(
             row |= {f"{mode}_ms": spent[mode, count] for mode in MODES}
             row |= {f"{name}_visits": length for name, length in lengths.items()}
             row["exact_ns_a_cell"] = 1e6 * exact / texels / lengths["aimed"]
-            rows.append(row | errors(card, worlds[count], faces, passes, rays))
+            rows.append(row | errors(card, worlds[count], faces, passes, rays, shots))
     return rows
 
 
@@ -108,13 +147,23 @@ def visits(card: Card, world: Voxels, faces: Faces, aim: bool) -> float:
     return float(gather.read()[..., 0][faces.cell() >= 0].mean())
 
 
-def errors(card: Card, world: Voxels, faces: Faces, passes: int, rays: int) -> Row:
+def errors(
+    card: Card,
+    world: Voxels,
+    faces: Faces,
+    passes: int,
+    rays: int,
+    shots: dict[tuple[str, str], Shot] | None = None,
+) -> Row:
     """Return the errors after as much time with and without aiming, and that of the truth."""
     used = faces.cell() >= 0
     truth = cube_gathers.traced(world, faces, rays, bounces=0)
     gathers = {name: card.gather(world, faces, bounces=0, aim=aim) for name, aim in WAYS.items()}
     spent = card.best(gathers, 4, 3)
-    row: Row = {}
+    row: Row = {"free_ms": spent["free"]}
+    view = cube_views.shown(
+        cube_views.chosen(world, faces, cube_views.of_light(truth.irradiance)), world, faces
+    )
     for name, aim in WAYS.items():
         # A pair of passes is the least
         count = max(2, 2 * round(passes * spent["aimed"] / spent[name] / 2))
@@ -123,14 +172,15 @@ def errors(card: Card, world: Voxels, faces: Faces, passes: int, rays: int) -> R
         found = gather.read()
         row[f"{name}_passes"] = count
         row[f"{name}_rms"] = cube_gathers.error_of(found, truth.irradiance, used)
-        apart = np.abs(found[used] - truth.irradiance[used])
-        row[f"{name}_mean"] = float(apart.mean() / truth.irradiance[used].mean())
+        apart = np.abs(found - truth.irradiance)
+        mean = ratio(*cube_gathers.blocks_of(apart, truth.irradiance, used))
+        row |= {f"{name}_mean": mean.value}
+        row |= {f"{name}_mean_low": mean.low, f"{name}_mean_high": mean.high}
+        if shots is not None:
+            count = int(np.count_nonzero(world.emission[world.cells].any(axis=-1)))
+            way = "half of the rays aimed" if aim else "none aimed"
+            shots["courtyard", f"{count:,} glowing, {way}"] = view.shot(found, truth.irradiance)
     return row | {"truth_rms": float(truth.quality["relative_error"])}
-
-
-def told(ratios: dict[str, float], later: dict[str, float], name: str) -> str:
-    """Return a ratio from 1 glowing cell on, and from 10 on."""
-    return f"{ratios[name]:.2f} ({later[name]:.2f})"
 
 
 def spread_of(values: list[float]) -> float:

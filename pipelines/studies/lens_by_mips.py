@@ -11,13 +11,15 @@ that suits it best, over all blurs and sizes at once; PSNR is of premultiplied R
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bake import mips
-from pipelines.studies.answer import Answer, Panel, Row
-from pipelines.studies.subjects import Setting, relit, traced
+from maths.colour import srgb_encode
+from pipelines.studies.answer import Answer, Panel, Picture, Row, Shot, point
+from pipelines.studies.interval import rms
+from pipelines.studies.subjects import Setting, processor_seconds, relit, traced
 from pipelines.studies.thin_lens import (
     CONTENT,
     FINE,
@@ -29,6 +31,7 @@ from pipelines.studies.thin_lens import (
     through_lens,
 )
 
+TAKES = ("mesh",)
 WIDTHS = {
     "box": (0.5, 0.75, 1.0),
     "disc": (0.5, 0.75, 0.9, 1.0, 1.25),
@@ -41,6 +44,8 @@ QUICK_PIXELS, QUICK_BLURS = (128, 512), (0, 4, 16)
 SCALES = 2.0 ** np.arange(-3, 1.001, 1 / 32)  # candidates for c
 BORDER = 512
 LEVELS = int(MAX_LOD) + 1
+DEFAULT = "kaiser"
+SHOWN = {64: 4, 128: 4, 256: 8, 512: 16, 1024: 32}  # pixels: blur, of a picture to look at
 AZIMUTH = 2.2  # of the light that the sprites stand in
 
 
@@ -78,19 +83,63 @@ def measure(setting: Setting) -> Answer:
     )
     found: dict[tuple[str, float], Pairs] = {(f, w): {} for f in widths for w in widths[f]}
     steps: dict[str, float] = {}
+    seconds: dict[tuple[str, str, float], float] = {}
+    shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("oak", "lantern", "knot").items():
         fine = relit(
-            traced(mesh, resolution=FINE * CONTENT, samples=4, lights=16, held_out=0), AZIMUTH
+            traced(
+                mesh, resolution=FINE * CONTENT, samples=4, lights=setting.pick(8, 16), held_out=0
+            ),
+            AZIMUTH,
         )
         scene = scene_of(fine, setting)
         for filter, width in found:
-            levels = chain_of(scene, filter, width)
+            levels, seconds[name, filter, width] = processor_seconds(chain_of, scene, filter, width)
+            shots[name, label(filter, width)] = shot(scene, levels, filter)
             found[filter, width] |= dict(pairs_of(name, scene, levels))
             if width == mips.FILTERS[filter].half_width:
                 steps[filter] = max(steps.get(filter, 0.0), largest_step(scene, levels))
     fits = {key: best_scale(pairs) for key, pairs in found.items()}
     best = {f: max((k for k in fits if k[0] == f), key=lambda k: fits[k][1]) for f in widths}
-    return _answer(found, fits, best, steps)
+    table = [
+        point(
+            name,
+            label(f, w),
+            rms([10 ** (-decibels(pairs[key], *key[1:], fits[f, w][0]) / 10) for key in own]),
+            series=f,
+            bake_seconds=spent,
+            default=f == DEFAULT and w == mips.FILTERS[f].half_width,
+            filter=f,
+            half_width=w,
+            c=fits[f, w][0],
+        )
+        for (name, f, w), spent in seconds.items()
+        for pairs in [found[f, w]]
+        for own in [[key for key in pairs if key[0] == name]]
+    ]
+    answer = _answer(found, fits, best, steps)
+    return replace(answer, rows=[*table, *answer.rows], shots=shots)
+
+
+def label(filter: str, width: float) -> str:
+    """Return how a kernel is told."""
+    return f"{filter}, {width:g} texels"
+
+
+def shot(scene: Scene, levels: list[Float], filter: str) -> Shot:
+    """Return a sprite out of focus, by mips with the filter's own c and through the lens."""
+    pixels = max(p for p, b in scene.truth if (p, SHOWN.get(p)) in scene.truth and p <= 256)
+    blur = SHOWN[pixels]
+    screen = Screen(scene.size, pixels, blur)
+    texels = screen.texels_per_pixel
+    lod = level_of(blur * texels, texels, mips.FILTERS[filter].lens_scale)
+    return Shot(seen(looked_up(screen, levels, BORDER, lod)), seen(scene.truth[pixels, blur]))
+
+
+def seen(picture: Float) -> Picture:
+    """Return premultiplied values (h, w, 4) before grey, as a screen shows them."""
+    over = picture[..., :3] + 0.18 * (1 - picture[..., 3:])
+    return np.asarray(np.rint(255 * srgb_encode(np.clip(over, 0, 1))), np.uint8)
 
 
 def scene_of(fine: Float, setting: Setting) -> Scene:
@@ -215,6 +264,9 @@ def _answer(
         f"most like a lens: {fits[first][1]:.1f} dB, box of one texel {fits['box', 0.5][1]:.1f} dB",
         truth="the mean of 1,024 copies of the sprite shifted over the aperture's disc",
         rows=rows,
+        unit="RMS error of all blurs and sizes, share of white",
+        axes={"bake_seconds": "processor seconds of a chain of mips"},
+        decibels=True,
         table=table,
         panels=(
             Panel(

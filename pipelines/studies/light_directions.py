@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.coefficients import Coefficients
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies import sprite_errors
+from pipelines.studies.answer import PRICES, Answer, Panel, Row, Shot, point
 from pipelines.studies.subjects import Setting, processor_seconds, traced
 
+TAKES = ("mesh",)
 TRUTH = 512
 COUNTS = (5, 6, 7, 8, 9, 12, 16, 24, 32, 48, 64, 96, 128)
 QUICK = (5, 8, 16, 64)
@@ -32,9 +34,11 @@ def measure(setting: Setting) -> Answer:
     }
     rows: list[Row] = []
     lines: dict[str, list[tuple[float, float]]] = {}
+    shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("knot", "oak").items():
         truth = traced(mesh, **knobs, lights=TRUTH, lights_per_sample=TRUTH)
         floor = truth.quality["held_out_psnr"]
+        stage = sprite_errors.stage(mesh, truth)
         for count in QUICK if setting.quick else COUNTS:
             master, seconds = processor_seconds(
                 traced, mesh, **knobs, lights=count, lights_per_sample=count
@@ -43,15 +47,19 @@ def measure(setting: Setting) -> Answer:
             decibels = float(20 * np.log10(peak_of(truth) / error))
             held_out = master.quality["held_out_psnr"]
             rows.append(
-                {
-                    "subject": name,
-                    "directions": count,
-                    "psnr_db": decibels,
-                    "held_out_db": held_out,
-                    "held_out_of_truth_db": floor,
-                    "processor_seconds": seconds,
-                }
+                point(
+                    name,
+                    f"{count} directions",
+                    sprite_errors.held_out(master),
+                    bake_seconds=seconds,
+                    default=count == DEFAULT,
+                    directions=count,
+                    psnr_db=decibels,
+                    held_out_db=held_out,
+                    held_out_of_truth_db=floor,
+                )
             )
+            shots[name, f"{count} directions"] = stage.shot(master.terms[0])
             lines.setdefault(f"{name}: against {TRUTH} directions", []).append((count, decibels))
             lines.setdefault(f"{name}: against held-out lights", []).append((count, held_out))
     enough = enough_of(rows)
@@ -60,23 +68,11 @@ def measure(setting: Setting) -> Answer:
         title=f"{enough} directions are enough for {TERMS} terms: beyond, truncation dominates",
         truth=f"the same sprite under {TRUTH} directions; and lights that no bake saw",
         rows=rows,
-        panels=(
-            Panel("light directions", "PSNR, dB", lines, marked=DEFAULT),
-            Panel(
-                "light directions",
-                "processor seconds",
-                {
-                    name: [
-                        (float(r["directions"]), float(r["processor_seconds"]))
-                        for r in rows
-                        if r["subject"] == name
-                    ]
-                    for name in dict.fromkeys(str(r["subject"]) for r in rows)
-                },
-                marked=DEFAULT,
-                scales=("log", "log"),
-            ),
-        ),
+        unit=sprite_errors.UNIT,
+        axes={"directions": "light directions", **PRICES},
+        decibels=True,
+        shots=shots,
+        panels=(Panel("light directions", "PSNR, dB", lines, marked=DEFAULT),),
         figures={"enough": enough, "truth": TRUTH},
     )
 

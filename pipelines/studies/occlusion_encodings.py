@@ -23,38 +23,47 @@ from maths import bc7, spherical_harmonics
 from maths.occlusion_shadow import occlusion_place
 from maths.principal_components import principal_components
 from maths.trilinear import looked_up
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.answer import PRICES, Answer, Panel, Picture, Row, Shot, point
+from pipelines.studies.interval import rms as rms_of
 from pipelines.studies.subjects import Setting, processor_seconds
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
 Lookup = Callable[[Array], Float]
 
+TAKES = ("mesh",)
 GRID, RAYS, L_MAX = 32, 1024, 7
 DEGREES = tuple(round(float(np.degrees(radius))) for radius in occlusion_proof.RADII)
 PLACES = ("anywhere", "voxels")
 TALK = compress.Params()
+CITED = 1  # of DEGREES: what points are drawn by
+FLOOR = 48  # points a side, of a picture
 
 
 def measure(setting: Setting) -> Answer:
     """Measure encodings of one volume, then each knob of the shipped ones, on several meshes."""
     rows: list[Row] = []
+    shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("bust", "mushrooms", "knot").items():
-        bench = Bench(name, mesh, truth(mesh, setting.pick(300, 1500), setting.seed))
+        bench = Bench(name, mesh, truth(mesh, setting.pick(300, 1500), setting.seed), floor(mesh))
         rows += [*table(bench), *front(bench, setting)]
+        shots |= bench.shots
     ratios = {size: worst(rows, size) for size in (512, 128)}
-    title = "; ".join(
-        f"bands at {size} KiB err at most "
-        + ", ".join(f"{ratio:.2f}" for ratio in found[PLACES[0]].values())
-        + " of the talk's at 512"
+    shares = {
+        size: "to".join(f" {f(found[PLACES[0]].values()):.2f} " for f in (min, max))
         for size, found in ratios.items()
-    )
+    }
+    title = f"Bands in 512 KiB leave{shares[512]}of the talk's error in as many bytes, in 128 KiB"
+    title += f"{shares[128].rstrip()} (lights of {DEGREES[0]} to {DEGREES[-1]} degrees)"
     first = str(rows[0]["subject"])
     return Answer(
         question="occlusion_encodings",
-        title=f"{title} (lights of {', '.join(map(str, DEGREES))} degrees)",
+        title=title,
         truth=f"{occlusion_proof.RAYS} rays a point of their own",
         rows=rows,
+        unit=f"RMS error of the seen share of lights of {DEGREES[CITED]} degrees",
+        axes={"lookups": "lookups a pixel", **PRICES},
+        shots=shots,
         panels=panels([row for row in rows if row["subject"] == first]),
         table=[row for row in rows if row["part"] in ("table", "size")],
         figures={f"bands_{size}": found for size, found in ratios.items()},
@@ -89,6 +98,36 @@ def truth(mesh: Mesh, count: int, seed: int) -> dict[str, Points]:
     return found
 
 
+def floor(mesh: Mesh) -> Points:
+    """Trace what points of a floor under a mesh see of the same lights, turned so that the first
+    stands high."""
+    used, faces = np.unique(mesh.faces, return_inverse=True)
+    vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
+    box, _, _ = occlusion.box_of(vertices)
+    scene = RayScene(vertices, faces)
+    across = 1.9 * (2 * (np.arange(FLOOR) + 0.5) / FLOOR - 1)
+    x, z = np.meshgrid(across, across)
+    place = np.stack([x, np.full_like(x, -1.05), z], axis=-1).reshape(-1, 3)
+    points = np.asarray(box.centre) + place * box.half_extent
+    every = np.arange(len(points))
+    proof = occlusion_proof.trace(scene, scene.to_unit(points), every, len(points), L_MAX + 1)
+    # Harmonic 1 goes with y: the light that stands highest comes first
+    order = np.argsort(-proof.lights[CITED, :, 1])
+    return Points(box.to_object(points), proof.lights[:, order], proof.shadow[:, order])
+
+
+def left(points: Points, lookup: Lookup) -> Float:
+    """Return the share (r, m, s) of each light that a lookup leaves points."""
+    terms = lookup(points.p)
+    hidden = points.lights[..., : terms.shape[1]] @ terms.T
+    return np.asarray(np.clip(1 - hidden, 0, 1), np.float32)
+
+
+def grey(share: Float) -> Picture:
+    """Return shares (h, w) as a picture."""
+    return np.repeat(np.rint(255 * share).astype(np.uint8)[..., None], 3, axis=2)
+
+
 @dataclass(frozen=True)
 class Bench:
     """A mesh, its truth, and the volumes traced so far with their seconds."""
@@ -96,6 +135,8 @@ class Bench:
     name: str
     mesh: Mesh
     truth: dict[str, Points]
+    floor: Points | None = None
+    shots: dict[tuple[str, str], Shot] = field(default_factory=dict)
     traced: dict[occlusion.Params, tuple[OcclusionHarmonics, float]] = field(default_factory=dict)
 
     def trace(self, **knobs: int) -> tuple[OcclusionHarmonics, float]:
@@ -107,14 +148,31 @@ class Bench:
 
     def row(self, part: str, encoding: str, lookup: Lookup, **more: float) -> Row:
         """Return one measurement; lookup : p (m, 3) to harmonics (m, K)."""
-        found: Row = {"subject": self.name, "part": part, "encoding": encoding, **more}
+        told: Row = {}
         for place, points in self.truth.items():
-            terms = lookup(points.p)
-            hidden = points.lights[..., : terms.shape[1]] @ terms.T
-            error = np.clip(1 - hidden, 0, 1) - points.shadow
-            rms = np.sqrt(np.mean(np.square(error, dtype=np.float64), axis=(1, 2)))
-            found |= {f"{place}_{d}": float(e) for d, e in zip(DEGREES, rms, strict=True)}
-        return found
+            squares = np.square(left(points, lookup) - points.shadow, dtype=np.float64)
+            rms = np.sqrt(np.mean(squares, axis=(1, 2)))
+            told |= {f"{place}_{d}": float(e) for d, e in zip(DEGREES, rms, strict=True)}
+            if place == PLACES[0]:
+                error = rms_of(squares[CITED].mean(axis=0))
+        knobs = "".join(f", {n} {more[n]:g}" for n in ("grid", "l_max", "rays") if n in more)
+        knobs = "" if part == "table" else f", {more.get('kib', 0):.0f} KiB{knobs}"
+        found = point(
+            self.name,
+            encoding + knobs,
+            error,
+            series=encoding if part != "table" else "others",
+            bake_seconds=more.get("seconds"),
+            bytes=round(1024 * more["kib"]) if "kib" in more else None,
+            default=part == "grid" and encoding == "talk" and more.get("grid") == GRID,
+            part=part,
+            encoding=encoding,
+        )
+        if self.floor is not None:
+            pictures = (left(self.floor, lookup), self.floor.shadow)
+            made, seen = (grey(p[CITED, 0].reshape(FLOOR, FLOOR)) for p in pictures)
+            self.shots[self.name, encoding + knobs] = Shot(made, seen)
+        return found | more | told
 
     def shipped(self, part: str, params: compress.Params, **knobs: int) -> Row:
         """Return the measurement of what a bake with those knobs ships."""

@@ -1,7 +1,7 @@
 """How many rays does a voxel of an occlusion volume need?
 
 Uniform random rays, a Fibonacci sphere that all voxels share, and the cones of the bake, all by the
-same Embree. The truth is the bake's own method with 64 times the rays, another spin; what counts is
+same Embree. The truth is the bake's own method with 32 times the rays, another spin; what counts is
 the RMS error of the coefficients over voxels outside the solid, per ray that is cast.
 """
 
@@ -19,40 +19,65 @@ from bake.rays import RayScene
 from formats.mesh import Mesh
 from maths import spherical_harmonics
 from maths.sampling import fibonacci_sphere
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.answer import PRICES, Answer, Panel, Picture, Row, Shot, lines_of, point
+from pipelines.studies.interval import rms
 from pipelines.studies.subjects import Setting
 
 Array = NDArray[np.float64]
+TAKES = ("mesh",)
 L_MAX, GRID, DEFAULT = 4, 32, 1024
+SHOWN = 12  # voxels of a picture
 Pattern = Callable[[int, int], Array]
 
 
 def measure(setting: Setting) -> Answer:
     """Estimate some voxels by three ways of shooting, at several numbers of rays."""
-    counts = [128, 256, 512, 1024, 2048][: setting.pick(3, 5)]
+    counts = [128, 512, 1024] if setting.quick else [128, 256, 512, 1024, 2048]
     rows: list[Row] = []
+    shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("knot", "oak").items():
-        rows += _rows(name, mesh, counts, setting)
+        rows += _rows(name, mesh, counts, setting, shots)
     worst = {
         way: max(float(r[f"of_{way}"]) for r in rows if r["way"] == "cones")
         for way in ("fibonacci", "random")
     }
     return Answer(
         question="occlusion_rays",
-        title=f"cones need {worst['fibonacci']:.2f} of the rays of a Fibonacci sphere, "
+        title=f"Cones need {worst['fibonacci']:.2f} of the rays of a Fibonacci sphere, "
         f"1/{1 / worst['random']:.0f} of random ones",
-        truth="64 times the rays of the finest",
+        truth=f"{times_of(setting)} times the rays of the finest, turned otherwise",
         rows=rows,
+        unit="RMS error of a coefficient",
+        axes={"rays": "rays a voxel", "bake_seconds": PRICES["bake_seconds"]},
+        shots=shots,
         panels=(
-            Panel("rays a voxel", "RMS error of a coefficient", _lines(rows), None, ("log", "log")),
+            Panel(
+                "rays a voxel",
+                "RMS error of a coefficient",
+                lines_of(rows, "rays", "rms", "subject", "way"),
+                None,
+                ("log", "log"),
+                slopes=True,
+            ),
         ),
         figures={f"of_{way}": share for way, share in worst.items()},
     )
 
 
-def _rows(name: str, mesh: Mesh, counts: list[int], setting: Setting) -> list[Row]:
+def times_of(setting: Setting) -> int:
+    """Return how many times the rays of the finest the truth has."""
+    return setting.pick(16, 32)
+
+
+def _rows(
+    name: str,
+    mesh: Mesh,
+    counts: list[int],
+    setting: Setting,
+    shots: dict[tuple[str, str], Shot],
+) -> list[Row]:
     scene, points, cones, keys = _voxels(mesh, setting.pick(60, 400), setting.seed)
-    many = setting.pick(1 << 14, 1 << 16)
+    many = times_of(setting) * counts[-1]
     truth = occlusion_rays.project(scene, points, cones, keys, many, L_MAX).terms
     rng = np.random.default_rng(setting.seed + 1)
 
@@ -65,19 +90,50 @@ def _rows(name: str, mesh: Mesh, counts: list[int], setting: Setting) -> list[Ro
     rows: list[Row] = []
     for way, pattern in ways.items():
         for count in counts:
-            error = _rms(_everywhere(scene, points, pattern, count) - truth)
-            errors[way].append(error)
-            rows.append({"subject": name, "way": way, "rays": count, "rms": error})
+            started = process_time()
+            made = _everywhere(scene, points, pattern, count)
+            row = _point(name, way, count, made - truth, process_time() - started)
+            shots[name, str(row["setting"])] = Shot(_skies(made), _skies(truth))
+            errors[way].append(float(row["rms"]))
+            rows.append(row | {"rays": count})
     for count in counts:
+        started = process_time()
         found = occlusion_rays.project(scene, points, cones, keys, count, L_MAX)
+        spent = process_time() - started
         used = occlusion_rays.total_of(cones, count) / len(points)
-        error = _rms(found.terms - truth)
-        row: Row = {"subject": name, "way": "cones", "rays": used, "rms": error}
-        row["bar"] = _rms(found.halves)
+        row = _point(name, "cones", count, found.terms - truth, spent)
+        row |= {"rays": used, "bar": _rms(found.halves), "default": int(count == DEFAULT)}
+        shots[name, str(row["setting"])] = Shot(_skies(found.terms), _skies(truth))
         for way, measured in errors.items():
-            row[f"of_{way}"] = used / _rays_for(error, counts, measured)
+            row[f"of_{way}"] = used / _rays_for(float(row["rms"]), counts, measured)
         rows.append(row)
     return rows
+
+
+def _point(
+    name: str, way: str, count: int, apart: NDArray[np.floating[Any]], seconds: float
+) -> Row:
+    """Return a measurement; apart : errors (n, K) of coefficients, a voxel each."""
+    squares = np.mean(np.square(apart, dtype=np.float64), axis=1)
+    what = f"{way}, {count} rays"
+    row = point(name, what, rms(squares), series=way, bake_seconds=seconds)
+    return row | {"way": way, "rms": _rms(apart)}
+
+
+def _skies(terms: NDArray[np.floating[Any]]) -> Picture:
+    """Return what some voxels see of an even sky, by their harmonics: 4 x 3 maps of all
+    directions, up on top, white where nothing is in the way."""
+    y, x = np.mgrid[:16, :32]
+    polar, turn = np.pi * (y + 0.5) / 16, 2 * np.pi * (x + 0.5) / 32
+    directions = np.stack(
+        [np.sin(polar) * np.cos(turn), np.cos(polar), np.sin(polar) * np.sin(turn)], axis=-1
+    )
+    Y = spherical_harmonics.evaluate(directions, L_MAX)
+    seen = np.clip(1 - np.einsum("nk,hwk->nhw", terms[:SHOWN], Y), 0, 1)
+    sheet = np.pad(seen, ((0, 0), (1, 1), (1, 1)), constant_values=0.2)
+    rows = [np.concatenate(list(sheet[a : a + 3]), axis=1) for a in range(0, len(sheet) - 2, 3)]
+    codes = np.rint(255 * np.concatenate(rows)).astype(np.uint8)
+    return np.repeat(codes[..., None], 3, axis=2)
 
 
 def _voxels(
@@ -104,10 +160,10 @@ def _everywhere(
 ) -> Array:
     """Estimate by rays all around, weights 4 pi / count: the slow and obvious way."""
     found = np.zeros((len(points), (L_MAX + 1) ** 2))
-    for n, point in enumerate(points):
+    for n, place in enumerate(points):
         directions = pattern(n, count)
         rays = np.ascontiguousarray(directions, np.float32)
-        blocked = scene.occluded(np.repeat(point[None], count, axis=0), rays)
+        blocked = scene.occluded(np.repeat(place[None], count, axis=0), rays)
         Y = spherical_harmonics.evaluate(directions, L_MAX)
         found[n] = 4 * np.pi / count * (blocked @ Y)
     return found
@@ -159,14 +215,6 @@ def overhead(mesh: Mesh, params: occlusion.Params, repeats: int = 5) -> dict[str
     found = {name: float(np.median(times)) for name, times in spent.items()}
     rays = float(sum(len(origins) for origins, *_ in kept))
     return {**found, "ratio": found["whole"] / (found["calls"] + found["build"]), "rays": rays}
-
-
-def _lines(rows: list[Row]) -> dict[str, list[tuple[float, float]]]:
-    lines: dict[str, list[tuple[float, float]]] = {}
-    for row in rows:
-        name = f"{row['subject']}, {row['way']}"
-        lines.setdefault(name, []).append((float(row["rays"]), float(row["rms"])))
-    return lines
 
 
 def _rms(values: NDArray[np.floating]) -> float:

@@ -15,9 +15,12 @@ from formats.coefficients import Coefficients
 from formats.mesh import Mesh
 from maths import circular_harmonics
 from maths.image_error import psnr
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies import sprite_errors
+from pipelines.studies.answer import Answer, Panel, Row, Shot, point
+from pipelines.studies.interval import rms
 from pipelines.studies.subjects import Setting, traced
 
+TAKES = ("mesh",)
 RING = 30.0  # degrees above the ring's plane, the default
 ELEVATIONS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 85.0)
 QUICK = (0.0, 30.0, 75.0)
@@ -27,20 +30,28 @@ MODELS = ("g^h", "on the ring", "own ring")
 def measure(setting: Setting) -> Answer:
     """Relight by each model and compare with renders, over elevations and for both axes."""
     rows: list[Row] = []
+    shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("knot", "oak").items():
         for axis in ("view", "up"):
-            rows += _rows(name, mesh, axis, setting)
+            rows += _rows(name, mesh, axis, setting, shots)
     loss = {
         elevation: loss_at(rows, elevation) for elevation in sorted({elevation_of(r) for r in rows})
     }
+    table = [r for r in rows if "gain_db" in r]
     near, far = (min((e for e in loss if e > RING + d), default=RING) for d in (0, 30))
-    gain = max(float(r["gain_db"]) for r in rows)
+    gain = max(float(r["gain_db"]) for r in table)
     return Answer(
         question="ring_models",
-        title=f"A sun {near - RING:.0f} degrees off its ring costs up to {loss[near]:.0f} dB, "
-        f"{far - RING:.0f} degrees {loss[far]:.0f} dB; g^h gives back up to {gain:.1f} dB",
+        title=f"A sun {near - RING:.0f} degrees off its ring costs up to {loss[near]:.0f} dB"
+        + (f", {far - RING:.0f} degrees {loss[far]:.0f} dB" if far > near else "")
+        + f"; g^h gives back up to {gain:.1f} dB",
         truth="the sprite rendered under lights at that elevation",
         rows=rows,
+        unit="RMS error at lights of that elevation, share of the brightest value",
+        axes={"elevation": "elevation of the light above the ring's plane, degrees"},
+        decibels=True,
+        shots=shots,
+        table=table,
         panels=[
             Panel(
                 "elevation of the light above the ring's plane, degrees",
@@ -48,10 +59,10 @@ def measure(setting: Setting) -> Answer:
                 {
                     f"{name}: {model}": [
                         (float(r["elevation"]), float(r[model]))
-                        for r in rows
+                        for r in table
                         if r["subject"] == name and r["axis"] == axis
                     ]
-                    for name in dict.fromkeys(str(r["subject"]) for r in rows)
+                    for name in dict.fromkeys(str(r["subject"]) for r in table)
                     for model in MODELS
                 },
                 marked=RING,
@@ -70,11 +81,13 @@ def elevation_of(row: Row) -> float:
 
 def loss_at(rows: list[Row], elevation: float) -> float:
     """Return the most that g^h loses against a ring of that elevation, over all subjects, dB."""
-    here = [row for row in rows if elevation_of(row) == elevation]
+    here = [row for row in rows if elevation_of(row) == elevation and "gain_db" in row]
     return max(float(row["own ring"]) - float(row["g^h"]) for row in here)
 
 
-def _rows(name: str, mesh: Mesh, axis: str, setting: Setting) -> list[Row]:
+def _rows(
+    name: str, mesh: Mesh, axis: str, setting: Setting, shots: dict[tuple[str, str], Shot]
+) -> list[Row]:
     knobs = {
         "resolution": setting.pick(48, 160),
         "samples": setting.pick(4, 16),
@@ -100,6 +113,32 @@ def _rows(name: str, mesh: Mesh, axis: str, setting: Setting) -> list[Row]:
         rows.append(
             {"subject": name, "axis": axis, "elevation": elevation, **decibels, "gain_db": gain}
         )
+        height = float(np.radians(elevation))
+        towards = circular_harmonics.ring_direction(np.array([sprite_errors.AZIMUTH]), axis, height)
+        lights = {
+            "g^h": (ring, model(ring, towards)),
+            "on the ring": (ring, on_ring(ring, towards)),
+            "own ring": (truth, model(truth, towards)),
+        }
+        stage = sprite_errors.Stage(
+            sprite_errors.rendered(mesh, ring, elevation=height), ring.alpha[0]
+        )
+        for key, (master, light) in lights.items():
+            apart = (relit[key] - truth.held_out).astype(np.float64) / peak
+            what = f"{key}, {elevation:g} degrees, axis {axis}"
+            rows.append(
+                point(
+                    name,
+                    what,
+                    rms(np.mean(np.square(apart), axis=(1, 2))),
+                    series=f"{key}, axis {axis}",
+                    default=key == "g^h" and elevation == RING,
+                    axis=axis,
+                    elevation=elevation,
+                )
+            )
+            made = np.einsum("khwc,k->hwc", master.terms[0], light[0].astype(np.float32))
+            shots[name, what] = stage.shot_of(np.maximum(made, 0))
     return rows
 
 

@@ -24,59 +24,72 @@ import numpy as np
 from formats import scene as scenes
 from maths.sampling import fibonacci_sphere
 from pipelines.bake_scene import bake_scene
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies.answer import Answer, Panel, Row, Shot, point
+from pipelines.studies.interval import fastest
 from pipelines.studies.subjects import MESHES, Setting
 from runtime.player import Player
 from runtime.shader import ShaderError
 
+TAKES = ("mesh",)
 COUNTS = (1, 10, 100, 1000)
 KINDS = {"balls": "sphere", "discs": "disc"}
-WAYS = ("transfer", "receiver_normal", "ground")
-"""What lies below: a floor lit by transfer, the same with its normal in the shadow, the ground."""
+WAYS = {
+    "transfer": "floor lit by transfer",
+    "receiver_normal": "floor whose normal counts in the shadow",
+    "ground": "ground lit directly",
+}
+"""What lies below."""
+FIRST = "transfer"
 FLUX = 60.0  # radiance x area of all lights together, W/sr
 
 
 def measure(setting: Setting) -> Answer:
     """Play a small scene under more and more lights."""
     rows: list[Row] = []
+    shots: dict[tuple[str, str], Shot] = {}
     with TemporaryDirectory() as folder:
-        for way in WAYS:
-            rows += _rows(Path(folder), way, setting)
+        for way in WAYS if not setting.quick else (FIRST, "ground"):
+            rows += _rows(Path(folder), way, setting, shots)
     figures = {
         f"{name}_{kind}_{count}": float(row[name])
         for row in rows
-        if row["floor"] == WAYS[0]
+        if row["floor"] == FIRST
         for name, kind, count in [("pass_ms", row["lights"], row["count"])]
     }
     figures |= {
         f"projection_ms_{row['lights']}": float(row["projection_ms"])
         for row in rows
-        if row["floor"] == WAYS[0] and row["count"] == COUNTS[-1]
+        if row["floor"] == FIRST and row["count"] == COUNTS[-1]
     }
     passes = [figures[f"pass_ms_balls_{count}"] for count in (COUNTS[0], COUNTS[-1])]
     return Answer(
         question="shadow_lights",
-        title=f"the shadow pass takes {passes[0]:.2g} ms with 1 light and {passes[1]:.2g} with "
+        title=f"The shadow pass takes {passes[0]:.2g} ms with 1 light and {passes[1]:.2g} with "
         f"1,000; projecting those takes {figures['projection_ms_balls']:.1f} ms (balls) and "
         f"{figures['projection_ms_discs']:.1f} (discs)",
         truth="none: times, the best of several rounds",
         rows=rows,
-        panels=(
-            Panel("lights", "milliseconds", _parts(rows), None, ("log", "log")),
-            Panel("lights", "milliseconds of the whole frame", _frames(rows), None, ("log", "log")),
-        ),
+        unit="milliseconds of the whole frame",
+        measure="frame_ms",
+        axes={"count": "lights"},
+        shots=shots,
+        panels=(Panel("lights", "milliseconds", _parts(rows), None, ("log", "log")),),
         figures=figures,
     )
 
 
-def _rows(folder: Path, way: str, setting: Setting) -> list[Row]:
+def _rows(
+    folder: Path, way: str, setting: Setting, shots: dict[tuple[str, str], Shot]
+) -> list[Row]:
     """Measure all numbers of lights over one floor, in turn where one player can show them all."""
-    baked, cases = baked_in(folder, way, setting), [(k, n) for k in KINDS for n in COUNTS]
+    counts = (COUNTS[0], *COUNTS[setting.pick(2, 1) :])
+    baked, cases = baked_in(folder, way, setting), [(k, n) for k in KINDS for n in counts]
     size = (160, 90) if setting.quick else (640, 360)
     rounds = setting.pick(3, 15)
+    subject = WAYS[way]
     rows: list[Row] = []
     for some in [[case] for case in cases] if way == "ground" else [cases]:
-        best: dict[tuple[str, int], dict[str, float]] = {}
+        spent: dict[tuple[str, int], list[dict[str, float]]] = {}
         # Shaders of real cards take a few hundred lights at most
         with suppress(ShaderError), LitPlayer(baked, size, lamps(*some[0])) as player:
             player.reuse = False
@@ -85,10 +98,25 @@ def _rows(folder: Path, way: str, setting: Setting) -> list[Row]:
                     player.scene = replace(player.scene, lights=lamps(*case))
                     found = once(player, float(number))
                     # The first round compiles and allocates
-                    before = best.get(case, found) if number > 1 else found
-                    best[case] = {name: min(before[name], found[name]) for name in found}
-        rows += [{"lights": k, "count": n, "floor": way, **best[k, n]} for k, n in best]
+                    spent[case] = [*spent.get(case, []), found] if number > 1 else [found]
+                    if number == rounds:
+                        shots[subject, told(*case)] = Shot(player.frame(1.0))
+        for (kind, count), times in spent.items():
+            best = {name: min(time[name] for time in times) for name in times[0]}
+            row = point(
+                subject,
+                told(kind, count),
+                None,
+                series=kind,
+                frame_ms=fastest([time["frame_ms"] for time in times]),
+            )
+            rows.append(row | {"lights": kind, "count": count, "floor": way, **best})
     return rows
+
+
+def told(kind: str, count: int) -> str:
+    """Return how many lights are told."""
+    return f"{count:,} {kind if count > 1 else kind[:-1]}"
 
 
 class LitPlayer(Player):  # type: ignore[misc]
@@ -207,14 +235,4 @@ def _parts(rows: list[Row]) -> dict[str, list[tuple[float, float]]]:
             lines.setdefault(name, []).append((at, float(row["pass_ms"])))
         if row["floor"] == "transfer":
             lines.setdefault(f"projection, {kind}", []).append((at, float(row["projection_ms"])))
-    return lines
-
-
-def _frames(rows: list[Row]) -> dict[str, list[tuple[float, float]]]:
-    lines: dict[str, list[tuple[float, float]]] = {}
-    for row in rows:
-        names = {"transfer": "floor lit by transfer", "ground": "ground lit directly"}
-        if row["floor"] in names:
-            name = f"{row['lights']}, {names[str(row['floor'])]}"
-            lines.setdefault(name, []).append((float(row["count"]), float(row["frame_ms"])))
     return lines

@@ -4,7 +4,8 @@ The scene `bust` with other volumes, played, against the traced scene: PSNR, and
 et al. 2020, 67 pixels a degree) where its package is installed. Once with light that bounces, and
 once with direct light alone, which is all that the player gives walls and ground. What the traced
 picture's own noise costs is its error against another trace. Where the error comes from is
-`shadow_steps`. The scene is always this one, whatever `--source` says.
+`shadow_steps`. Another scene may be given that has a mesh with a shadow; its first one is taken
+apart so.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import process_time
 from typing import Any, Literal
 
 import numpy as np
@@ -23,16 +25,18 @@ from numpy.typing import NDArray
 
 from bake import reference, reference_film, sources
 from formats import scene as scenes
+from formats.errors import InputError
 from formats.meshes import Shadow
 from formats.occlusion import Occlusion
 from maths.image_error import psnr
 from pipelines.bake_scene import bake_scene
-from pipelines.studies import shadow_steps
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies import interval, shadow_steps
+from pipelines.studies.answer import Answer, Panel, Row, Shot, point
 from pipelines.studies.subjects import Setting
 from runtime.player import Player
 
 Picture = NDArray[np.uint8]
+TAKES = ("scene",)
 # The table `shadow` of every caster, none at all, or as the scene has them
 Volume = Mapping[str, Any] | Literal["none", "as it is"]
 
@@ -60,11 +64,14 @@ AMPLIFIED = 4
 @dataclass(frozen=True, eq=False)
 class Played:
     """pictures : finished, (h, w, 3), by time. bytes, lookups : of all casters' volumes together,
-    lookups a pixel near them all."""
+    lookups a pixel near them all. bake_seconds : of the volumes. frames : processor milliseconds of
+    frames."""
 
     pictures: Mapping[float, Picture]
     bytes: int
     lookups: int
+    bake_seconds: float = 0.0
+    frames: tuple[float, ...] = (0.0,)
 
     @property
     def costs(self) -> Row:
@@ -74,12 +81,19 @@ class Played:
 
 def measure(setting: Setting) -> Answer:
     """Play every volume at a few moments, trace the moments, and compare."""
-    times = TIMES[: setting.pick(1, len(TIMES))]
+    path = setting.source or SCENE
+    scene = scenes.load(path)
+    if not any(mesh.shadow for mesh in scene.meshes):
+        remedy = "give a scene in which one has the table `shadow`"
+        raise InputError(path, "meshes", "none casts a shadow", remedy)
+    every = TIMES if path == SCENE else tuple(scene.time.duration * k / 3 for k in range(3))
+    times = every[: setting.pick(1, len(TIMES))]
     volumes = {name: VOLUMES[name] for name in QUICK} if setting.quick else VOLUMES
     size = (96, 54) if setting.quick else (240, 135)
     samples = setting.pick(16, 64)
-    played = play(volumes, times, size)
-    scene, rows, sheets = scenes.load(SCENE), list[Row](), []
+    played = play(volumes, times, size, path=path)
+    rows, sheets, shots = list[Row](), [], dict[tuple[str, str], Shot]()
+    squares: dict[str, list[Any]] = {name: [] for name in played}
     for time in times:
         truth, direct, again = traced(scene, time, size, samples)
         found = {name: one.pictures[time] for name, one in played.items()}
@@ -88,8 +102,25 @@ def measure(setting: Setting) -> Answer:
             row: Row = {"shadow": name, "time": time, **costs}
             row |= errors(picture, truth) | errors(picture, direct, "_direct")
             rows.append(row)
+        for name, picture in found.items():
+            apart = np.square((picture.astype(np.float64) - direct) / 255).mean(axis=-1)
+            squares[name].append(interval.blocks(apart))
+            shots.setdefault((scene.name, name), Shot(picture, direct))
         sheets.append(side_by_side(found[OWN], truth, direct))
     steps = explained(scene, times, setting)
+    points = [
+        point(
+            scene.name,
+            name,
+            interval.rms(np.concatenate(squares[name])),
+            series=family(name),
+            bake_seconds=one.bake_seconds or None,
+            frame_ms=interval.fastest(one.frames),
+            bytes=one.bytes or None,
+            default=name == OWN,
+        )
+        for name, one in played.items()
+    ]
     table = [mean_of(rows, name) for name in dict.fromkeys(str(r["shadow"]) for r in rows)]
     best, talk = (next(r for r in table if r["shadow"] == k) for k in (OWN, TALK))
     title = f"{best['psnr']:.1f} dB of the traced picture, {talk['psnr']:.1f} dB with the talk's "
@@ -98,8 +129,11 @@ def measure(setting: Setting) -> Answer:
         question="shadow_truth",
         title=title,
         truth=f"the scene traced with {samples} paths a pixel, 2 bounces or none",
-        rows=[*rows, *steps],
-        panels=(_pictures(table), _sizes(table), _steps(steps)),
+        rows=[*points, *rows, *steps],
+        unit="RMS error of the picture in direct light, share of white",
+        decibels=True,
+        shots=shots,
+        panels=(_pictures(table), _steps(steps)),
         table=table,
         figures={"flip": find_spec("flip_evaluator") is not None},
         pictures={"differences": np.concatenate(sheets)},
@@ -120,31 +154,58 @@ def play(
     times: Sequence[float],
     size: tuple[int, int],
     change: Callable[[dict[str, Any]], None] = lambda data: None,
+    *,
+    path: Path = SCENE,
 ) -> dict[str, Played]:
     """Return by name what the player makes of the scene with volumes.
 
     change : what else to change of the scene, as data.
     """
-    raw, found = scenes.load(SCENE).raw, dict[str, Played]()
+    raw, found = scenes.load(path).raw, dict[str, Played]()
+    root = path.resolve().parents[1]
     with TemporaryDirectory() as folder:
         for name, volume in volumes.items():
-            path = Path(folder, f"bust-{len(found)}.json")
+            changed = Path(folder, f"{path.stem}-{len(found)}.json")
             data = with_volume(raw, volume)
             change(data)
-            path.write_text(json.dumps(data), encoding="utf-8")
-            baked = bake_scene(path, root=SCENE.parents[1], build_folder=Path(folder))
+            changed.write_text(json.dumps(data), encoding="utf-8")
+            baked = bake_scene(changed, root=root, build_folder=Path(folder))
             with Player(baked.folder, size=size) as player:
                 assets = [Occlusion.load(f) for f in player.folders("occlusion").values()]
                 pictures = {
                     time: reference_film.develop(player.linear(time)[..., :3], player.scene, time)
                     for time in times
                 }
+                frames = tuple(_frame_ms(player, times[0]) for _ in range(3))
             found[name] = Played(
                 pictures,
                 bytes=sum(asset.nbytes for asset in assets),
                 lookups=sum(len(grid) for asset in assets for grid in asset.grids),
+                bake_seconds=sum(
+                    entry.seconds
+                    for key, entry in baked.entries.items()
+                    if key.startswith("occlusion/")
+                ),
+                frames=frames,
             )
     return found
+
+
+def _frame_ms(player: Player, time: float) -> float:
+    """Return the processor milliseconds of a frame, everything drawn anew."""
+    player.reuse = False
+    player.ctx.finish()
+    started = process_time()
+    player.draw(time)
+    player.ctx.finish()
+    return 1e3 * (process_time() - started)
+
+
+def family(name: str) -> str:
+    """Return which kind of volume a name tells."""
+    if name.startswith("bands"):
+        return "bands"
+    return name if name in (OWN, "no shadows") else "components"
 
 
 def traced(
@@ -188,7 +249,7 @@ def explained(scene: scenes.Scene, times: Sequence[float], setting: Setting) -> 
     rms : against the truth.  change : against the step before.  bias : mean, below 0 too dark. All
     over points where the truth or any step takes 2 % of a channel.
     """
-    caster = scene.meshes[0]
+    caster = next(mesh for mesh in scene.meshes if mesh.shadow is not None)
     assert caster.shadow is not None
     mesh, rows = sources.load(caster.source), list[Row]()
     shadows = {OWN: caster.shadow} if setting.quick else {TALK: Shadow(**TALKS), OWN: caster.shadow}
@@ -225,19 +286,9 @@ def _pictures(table: Sequence[Row]) -> Panel:
         name: [(float(i), float(row[key])) for i, row in enumerate(volumes)]
         for name, key in (("with bounces", "psnr"), ("direct light", "psnr_direct"))
     }
-    ticks = [str(row["shadow"]).replace(", ", "\n").replace(" ", "\n") for row in volumes]
+    ticks = [str(row["shadow"]) for row in volumes]
     label = "PSNR, dB, mean of the moments"
     return Panel("", label, lines, scales=("linear", "linear"), ticks=ticks, joined=False)
-
-
-def _sizes(table: Sequence[Row]) -> Panel:
-    """Plot the RMS error of the picture in direct light against bytes, to two digits."""
-    lines: dict[str, list[tuple[float, float]]] = {"components": [], "bands": [], OWN: []}
-    for row in (row for row in table if row["kib"]):
-        name, kib = str(row["shadow"]), float(f"{row['kib']:.2g}")
-        kind = "bands" if name.startswith("bands") else name if name == OWN else "components"
-        lines[kind].append((kib, 255 * 10 ** (-float(row["psnr_direct"]) / 20)))
-    return Panel("KiB of all casters", "RMS error in the final picture, codes", lines, joined=False)
 
 
 def _steps(rows: Sequence[Row]) -> Panel:

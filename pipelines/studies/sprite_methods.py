@@ -1,7 +1,8 @@
 """Ways to show a sprite under any sun of the hemisphere: what the study `normal_map` compares.
 
 Each returns a function from a direction (3,) to premultiplied linear radiance (h, w, 3) under a sun
-of irradiance pi, from what 8 bits hold.
+of irradiance pi, from what 8 bits hold. A ring and a dome also take directions (n, 3) of suns which
+share that irradiance.
 """
 
 from __future__ import annotations
@@ -76,14 +77,15 @@ def ring(mesh: Mesh, knobs: billboard.Params) -> Relit:
     Y = sprite_packing.unpack(planes, board.ring.terms, board.packing, board.unpack)
 
     def relit(direction: Array) -> Float:
-        light = circular_lights.project_sun(
-            direction,
+        each = circular_lights.project_sun(
+            np.atleast_2d(direction),
             np.full(3, np.pi),
             board.ring.terms,
             axis=board.ring.axis,
             elevation=board.ring.elevation,
             one_sided=board.ring.one_sided,
         )
+        light = each.mean(axis=0)
         return np.asarray(np.maximum(np.einsum("khwc,kc->hwc", Y, light), 0), np.float32)
 
     return relit
@@ -98,7 +100,8 @@ def hemisphere(training: Photographs, space: Space) -> Relit:
     bands = round(made.components.shape[1] ** 0.5)
 
     def relit(direction: Array) -> Float:
-        light = hemispherical_lights.project_sun(direction, np.full(3, np.pi), bands)
+        each = hemispherical_lights.project_sun(np.atleast_2d(direction), np.full(3, np.pi), bands)
+        light = each.mean(axis=0)
         return radiance(channels @ made.constants(light), space)
 
     return relit

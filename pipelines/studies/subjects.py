@@ -19,6 +19,7 @@ from maths import circular_harmonics
 
 Result = TypeVar("Result")
 
+SHORT = 0.5  # seconds
 MESHES = Path(__file__).resolve().parents[2] / "assets" / "meshes"
 
 
@@ -26,8 +27,9 @@ MESHES = Path(__file__).resolve().parents[2] / "assets" / "meshes"
 class Setting:
     """How a study is run.
 
-    quick : fewer points and smaller pictures. source : a mesh file instead of the study's own
-    subjects. seed : of whatever is random; bakes are not.
+    quick : fewer points and smaller pictures. source : a file of the user instead of the study's
+    own subjects; a run gives it to those studies alone whose TAKES names its kind. seed : of
+    whatever is random; bakes are not.
     """
 
     quick: bool = False
@@ -43,7 +45,7 @@ class Setting:
 
         The user's own mesh replaces all; a quick run keeps the first.
         """
-        if self.source is not None and self.source.suffix.lower() != ".lp":
+        if self.source is not None:
             return {self.source.stem: _loaded(self.source)}
         return {name: named(name) for name in (names[:1] if self.quick else names)}
 
@@ -124,8 +126,14 @@ def processor_seconds(
 ) -> tuple[Result, float]:
     """Call a function; return its result and the processor time of all threads, in seconds.
 
-    On a machine with other work to do, that says more than the clock on the wall.
+    On a machine with other work to do, that says more than the clock on the wall. What takes less
+    than SHORT is called again, and the faster counts: the first call also loads and allocates.
     """
-    started = process_time()
-    result = function(*values, **named)
-    return result, process_time() - started
+    least = np.inf
+    for _ in range(2):
+        started = process_time()
+        result = function(*values, **named)
+        least = min(least, process_time() - started)
+        if least > SHORT:
+            break
+    return result, least

@@ -23,13 +23,17 @@ from numpy.typing import NDArray
 from bake import voxel_faces
 from formats.voxel_state import Glow
 from formats.voxels import Voxels
-from pipelines.studies import cube_gathers
-from pipelines.studies.answer import Answer, Panel, Row
+from maths.colour import srgb_encode
+from pipelines.studies import cube_gathers, cube_views
+from pipelines.studies.answer import Answer, Panel, Row, Shot, point
 from pipelines.studies.cube_gathers import Card
+from pipelines.studies.cube_views import Shown
+from pipelines.studies.interval import Interval, blocks, ratio
 from pipelines.studies.subjects import Setting
 from runtime import voxel_blocks
 from runtime.voxel_world import STORAGES, VoxelVolume
 
+TAKES = ("voxels",)
 COLOURS = ("one", "ramp", "many")
 MOVES = 12
 SHADES = 512
@@ -38,29 +42,36 @@ SHADES = 512
 
 def measure(setting: Setting) -> Answer:
     """Measure every storage of every world."""
-    sizes, rounds = ((1, 2), 6) if setting.quick else ((1, 2, 4), 16)
+    sizes, rounds = ((1, 2), 4) if setting.quick else ((1, 2, 4), 16)
+    shots: dict[tuple[str, str], Shot] = {}
+    own, _ = cube_gathers.worlds(setting.source)
     rows: list[Row] = []
     with cube_gathers.card() as card:
         cases = [(1, colours) for colours in COLOURS] + [(n, COLOURS[0]) for n in sizes[1:]]
         for finer, colours in cases:
-            world = subject(cube_gathers.courtyard(), finer, colours)
+            world = subject(own, finer, colours)
             turns = max(3, rounds // finer**2)
-            rows += measured(card, world, turns, {"finer": finer, "colours": colours})
+            rows += measured(card, world, turns, {"finer": finer, "colours": colours}, shots)
     plain, blocks, slices = (of_storage(rows, storage, sizes[-1]) for storage in STORAGES)
     times = {
         name: [float(row[name]) / float(plain[name]) for row in (plain, blocks, slices)]
         for name in ("bytes", "pass_ms")
     }
+    many = [
+        float(row["emission_error"])
+        for row in rows
+        if (row["colours"], row["finer"]) == ("many", 1)
+    ]
     return Answer(
         question="voxel_storage",
         title=f"BC1 takes {times['bytes'][1]:.3f} of the bytes of RGBA8 and "
-        f"{times['pass_ms'][1]:.2f} of the time of a pass decoded by the shader, "
-        f"{times['pass_ms'][2]:.2f} by the card; a lamp's box takes "
-        f"{share(plain, 'move_bytes', 'bytes'):.1g} of all bytes and "
-        f"{share(plain, 'write_ms', 'whole_ms'):.2g} of the time to write, a move "
-        f"{share(plain, 'move_ms', 'made_ms'):.2g} of that to make a volume (RGBA8)",
+        f"{times['pass_ms'][1]:.2f} of the time of a pass, but errs by {many[1]:.0%} where each "
+        f"cell has a colour of its own, RGBA8 by {many[0]:.1%}; moving a lamp takes "
+        f"{share(plain, 'move_ms', 'made_ms'):.2g} of making a volume",
         truth="emission of the palette; times are the processor's, the best of several rounds",
         rows=rows,
+        unit="RMS error of emission, share of its RMS",
+        shots=shots,
         panels=panels(rows),
         figures={
             storage: {
@@ -74,7 +85,13 @@ def measure(setting: Setting) -> Answer:
     )
 
 
-def measured(card: Card, world: Voxels, rounds: int, told: Row) -> list[Row]:
+def measured(
+    card: Card,
+    world: Voxels,
+    rounds: int,
+    told: Row,
+    shots: dict[tuple[str, str], Shot] | None = None,
+) -> list[Row]:
     """Return one row for each storage."""
     faces = voxel_faces.layout(
         world.cells, texels=1, cell_size=world.cell_size, origin=world.origin
@@ -83,12 +100,30 @@ def measured(card: Card, world: Voxels, rounds: int, told: Row) -> list[Row]:
         storage: card.gather(world, faces, storage=storage, bounces=0) for storage in STORAGES
     }
     spent = card.best(gathers, 4, rounds)
+    behind = faces.cell().reshape(-1).astype(np.int64)
+    glowing = np.asarray(world.emission.any(axis=1))
+    glows = glowing[world.cells].reshape(-1)[np.maximum(behind, 0)]
+    worth = np.where(behind >= 0, 0.02 + glows, 0).astype(np.float32)
+    look = cube_views.shown(cube_views.chosen(world, faces, worth), world, faces)
     rows: list[Row] = []
     for storage, gather in gathers.items():
-        row: Row = {"storage": storage, **told, "cells": int(np.prod(world.size))}
-        row |= {"bytes": nbytes(gather.volume), **fidelity(gather.volume, world)}
+        what = f"{told['colours']} colour{'s' if told['colours'] == 'many' else ''}"
+        finer = f"cells 1/{told['finer']}" if told["finer"] != 1 else "as it is"
+        row = point(
+            f"{finer}, {what}",
+            storage,
+            interval_of(gather.volume, world),
+            series=storage,
+            frame_ms=spent[storage],
+            bytes=nbytes(gather.volume),
+            default=storage == STORAGES[0],
+        )
+        row |= {"storage": storage, **told, "cells": int(np.prod(world.size))}
+        row |= fidelity(gather.volume, world)
         row |= {"pass_ms": spent[storage], **update(card, gather.volume, world)}
         rows.append(row)
+        if shots is not None:
+            shots[str(row["subject"]), storage] = shot(gather.volume, world, look, behind)
     return rows
 
 
@@ -172,6 +207,33 @@ def fidelity(volume: VoxelVolume, world: Voxels) -> Row:
         "dark_that_glow": int(np.count_nonzero(found[~lit].any(axis=-1))),
         "solid_that_differ": int(np.count_nonzero(volume.solid != (world.cells > 0))),
     }
+
+
+def interval_of(volume: VoxelVolume, world: Voxels) -> Interval:
+    """Return the error of emission with its interval, by blocks of glowing cells."""
+    expected = world.emission[world.cells]
+    found = volume.texels[..., :3].astype(np.float64) * (volume.scale / 255)
+    lit = expected.any(axis=-1)
+    apart, whole = (
+        np.square(v[lit], dtype=np.float64).sum(axis=-1)[None] for v in (found - expected, expected)
+    )
+    square = ratio(blocks(apart, 64), blocks(whole, 64))
+    return Interval(*(float(np.sqrt(v)) for v in (square.value, square.low, square.high)))
+
+
+def shot(volume: VoxelVolume, world: Voxels, look: Shown, cells: NDArray[np.int64]) -> Shot:
+    """Return a view of what glows, as stored and as it should be, and of the rest by albedo."""
+    brightest = float(world.emission.max())
+    even = np.full((*look.at.shape, 3), 0.3 * brightest, np.float32) * look.albedo
+    cell = np.maximum(cells[look.at], 0)
+    found = volume.texels[..., :3].astype(np.float32).reshape(-1, 3) * (volume.scale / 255)
+    glows = look.emission.any(axis=-1, keepdims=True)
+    made, truth = (
+        np.where(glows, emission, even) * (look.hit[..., None] / brightest)
+        for emission in (found[cell], look.emission)
+    )
+    codes = [np.rint(255 * srgb_encode(np.clip(v, 0, 1))).astype(np.uint8) for v in (made, truth)]
+    return Shot(codes[0], codes[1])
 
 
 def update(card: Card, volume: VoxelVolume, world: Voxels) -> Row:

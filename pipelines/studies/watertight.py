@@ -15,12 +15,14 @@ from numpy.typing import NDArray
 
 from bake import workers
 from bake.rays import RayScene, offset_origins
-from pipelines.studies.answer import Answer, Panel, Row
+from pipelines.studies import interval
+from pipelines.studies.answer import Answer, Panel, Picture, Row, Shot, point
 from pipelines.studies.subjects import Setting
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
 
+TAKES: tuple[str, ...] = ()
 SCALES = (1e-6, 1e-3, 1.0, 1e3, 1e6)
 # In sizes of the mesh. Leaks are sought with vertices in float32, as files hold them, up to 1e3; in
 # float64 at 1e6, where float32 would have steps of a sixteenth of the mesh. Rounded far from the
@@ -152,10 +154,27 @@ def self_hits(subject: Subject, scale: float, offset: float, rays: int, seed: in
     return sum(workers.map_tiles(count, range(-(-rays // TILE))))
 
 
+def seen(scale: float, offset: float, width: int = 96, height: int = 54) -> Picture:
+    """Return the ring, looked at from above and scaled and moved so: its normals as colours."""
+    ring = next(one for one in subjects() if one.kind == "ring")
+    scene, place = placed(ring, scale, offset, exact=offset >= OFFSETS[-1])
+    x = 1.6 * (2 * (np.arange(width) + 0.5) / width - 1)
+    z = 1.6 * (2 * (np.arange(height) + 0.5) / height - 1) * height / width * 1.7
+    starts = np.stack(np.broadcast_arrays(x[None], 2.0, z[:, None]), axis=-1).reshape(-1, 3)
+    down = np.array([[0.0, -0.9, -0.44]], np.float32)
+    starts = starts - 2.2 * down
+    hits = scene.intersect(scene.to_unit(starts * scale + place), down)
+    normals = np.where(hits.face[:, None] >= 0, scene.normals()[np.maximum(hits.face, 0)], -1.0)
+    codes = np.rint(255 * (0.5 + 0.5 * normals)).astype(np.uint8)
+    return codes.reshape(height, width, 3)
+
+
 def measure(setting: Setting) -> Answer:
     """Shoot in fifteen settings of scale and place, over all meshes together."""
     rays, starts = setting.pick(30_000, 10_000_000), setting.pick(10_000, 1_000_000)
     rows: list[Row] = []
+    shots: dict[tuple[str, str], Shot] = {}
+    truth = seen(1.0, 0.0)
     for offset in OFFSETS:
         for scale in SCALES:
             row: Row = {"scale": scale, "offset_in_sizes": offset, "rays": 0, "leaks": 0}
@@ -169,7 +188,11 @@ def measure(setting: Setting) -> Answer:
                     found = self_hits(one, scale, offset, starts // 2, seed)
                     row["starts"] = int(row["starts"]) + starts // 2
                     row["self_hits"] = int(row["self_hits"]) + found
-            rows.append(row)
+            what = f"size {scale:g} m, {offset:g} sizes away"
+            error = interval.share(int(row["leaks"]), int(row["rays"]))
+            named = point("closed meshes", what, error, series=f"{offset:g} sizes away")
+            rows.append(named | row)
+            shots["closed meshes", what] = Shot(seen(scale, offset), truth)
     counted = ("rays", "leaks", "starts", "self_hits")
     total = {name: sum(int(row[name]) for row in rows) for name in counted}
     lines = {
@@ -185,6 +208,9 @@ def measure(setting: Setting) -> Answer:
         f"{total['starts']:,} meet the convex mesh that they start on",
         truth="closed and convex meshes: none",
         rows=rows,
+        unit="share of rays that leave a closed mesh",
+        axes={"scale": "size of the mesh, metres"},
+        shots=shots,
         panels=(Panel("scale", "rays", lines, None, ("log", "linear")),),
         figures=total,
     )

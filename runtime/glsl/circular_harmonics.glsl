@@ -3,7 +3,8 @@
 //
 // planes : decoded values, premultiplied. light : L_k, k < TERMS. Results are not clamped: negative
 // lobes of one term cancel others, so the caller clamps after the sum.
-// TERMS : odd K, or channels. PLANES : RGBA planes a view. PACKING : 0 full, 1 chroma, 2 talk, 3 dome.
+// TERMS : odd K, or channels; 0 of a picture, which has nothing to unpack. PLANES : RGBA planes a
+// view. PACKING : 0 full, 1 chroma, 2 talk, 3 dome, 4 picture, 5 disc.
 
 const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);  // Rec. 709
 
@@ -28,7 +29,7 @@ vec3 unpack_dome(vec4 planes[PLANES], vec3 light[TERMS]) {
     return sum;
 }
 
-#else
+#elif TERMS
 
 // Luma terms from the fifth on lie four to a plane.
 vec3 further_lumas(vec4 planes[PLANES], vec3 light[TERMS]) {
@@ -58,6 +59,8 @@ vec4 unpack_talk(vec4 planes[PLANES], vec3 light[TERMS], vec4 vertex) {
 
 #endif
 
+#if TERMS
+
 // Premultiplied colour and coverage of a texel, tinted, by whichever packing the sprite has.
 vec4 relight(vec4 planes[PLANES], vec3 light[TERMS], vec3 tint) {
 #if PACKING == 0
@@ -71,3 +74,5 @@ vec4 relight(vec4 planes[PLANES], vec3 light[TERMS], vec3 tint) {
 #endif
     return max(lit, vec4(0.0));
 }
+
+#endif

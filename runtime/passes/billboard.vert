@@ -1,7 +1,10 @@
-// Upright sprites that share the camera's yaw, pulled from a table of records.
+// Sprites that share the camera's yaw, or face it, pulled from a table of records.
 //
-// An instance is four texels: (foot xyz, scale), (tint, flip +-1), box in texture coordinates,
-// (first layer, first texel of its light, 0, 0).
+// A sprite is four texels: (foot xyz, scale), (tint, flip +-1 times 1 + factor on alpha), box in
+// texture coordinates of the set, (first layer, first texel of its light, of its set, roll).
+// A set is three: (size, pivot), (metres per texel, scale and most of the lens's levels, softness),
+// (share of the texture along x and y, coarsest level, 1 upright or 0 facing the camera).
+// A disc has (radius, half width of its edge, gain) for its box: see maths/discs.py.
 #include "optics.glsl"
 
 uniform mat4 clip_from_world;
@@ -11,9 +14,6 @@ uniform vec3 camera_forward;
 uniform float near;
 uniform sampler2D records;
 uniform int first;  // instance
-uniform vec2 size;  // texels of level 0
-uniform vec2 pivot;  // texels from the top left
-uniform float metres_per_texel;
 #if LENS
 uniform float focal_length;
 uniform float f_number;
@@ -22,11 +22,10 @@ uniform float sharp;  // circle on the sensor that changes nothing: half a pixel
 #endif
 
 out vec2 uv;
-out vec3 point;
-out float depth;
-flat out float texel_size;  // metres
-flat out vec3 tint;
-flat out ivec2 base;  // first layer, first texel of the light
+out vec4 place;  // point xyz, metres; depth
+flat out vec4 look;  // tint, factor on alpha
+flat out vec4 set;  // metres of a texel, scale and most of the lens's levels, softness
+flat out ivec3 base;  // first layer, first texel of the light, coarsest level
 #if LIGHT_IN_VERTEX
 flat out vec3 light[TERMS];
 #endif
@@ -37,23 +36,39 @@ vec4 record(int index) {
 
 void main() {
     int at = 4 * (first + gl_InstanceID);
-    vec4 place = record(at);
-    vec4 look = record(at + 1);
+    vec4 foot = record(at);
+    vec4 tint = record(at + 1);
     vec4 box = record(at + 2);
     vec4 which = record(at + 3);
-    vec2 corner = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));
-    uv = mix(box.xy, box.zw, corner);
-    texel_size = metres_per_texel * place.w;
-    tint = look.rgb;
-    base = ivec2(which.xy);
+    int of_set = int(which.z);
+    vec4 sizes = record(of_set);
+    vec4 share = record(of_set + 2);
+    set = record(of_set + 1) * vec4(foot.w, 1.0, 1.0, 1.0);
+    look = vec4(tint.rgb, abs(tint.a) - 1.0);
+    base = ivec3(which.xy, share.z);
 #if LIGHT_IN_VERTEX
     for (int k = 0; k < TERMS; ++k) light[k] = record(base.y + k).rgb;
 #endif
 
-    // Stand the sprite on its pivot, mirrored about it where flipped
-    vec2 offset = (uv * size - pivot) * vec2(look.a, -1.0) * texel_size;
-    point = place.xyz + camera_right * offset.x + vec3(0.0, offset.y, 0.0);
-    depth = dot(point - camera_position, camera_forward);
+    // Stand the sprite on its pivot, mirrored about it where flipped, then rolled
+    vec2 side = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1));
+#if DISC
+    vec2 corner = (2.0 * side - 1.0) * (box.x + box.y);
+    vec2 offset = corner;
+    share.xy = vec2(1.0);
+    set.xy = box.xy;
+    look *= box.z;
+#else
+    vec2 corner = mix(box.xy, box.zw, side);
+    vec2 offset = (corner * sizes.xy - sizes.zw) * vec2(sign(tint.a), -1.0) * set.x;
+    vec2 turn = vec2(cos(which.w), sin(which.w));
+    offset = vec2(turn.x * offset.x - turn.y * offset.y, turn.y * offset.x + turn.x * offset.y);
+#endif
+    vec3 up = share.w > 0.5 ? vec3(0.0, 1.0, 0.0) : cross(camera_right, camera_forward);
+    vec3 point = foot.xyz + camera_right * offset.x + up * offset.y;
+    float depth = dot(point - camera_position, camera_forward);
+    uv = corner * share.xy;
+    place = vec4(point, depth);
     gl_Position = clip_from_world * vec4(point, 1.0);
 #if LENS
     // What is blurred reaches forward by its own blur, so that the ground does not cut it off hard

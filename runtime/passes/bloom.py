@@ -27,11 +27,14 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._bloom = player.scene.picture.bloom
         self._halve, self._double = (
             player.vertex_array(player.programs.get(SCREEN, HERE / name))
             for name in ("bloom_halve.frag", "bloom.frag")
         )
+
+    @property
+    def _bloom(self) -> Any:
+        return self._player.scene.picture.bloom
 
     def key(self, time: float) -> Hashable:
         """All that the drawing of `time` seconds depends on besides the picture."""

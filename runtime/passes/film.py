@@ -27,11 +27,21 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._film = player.scene.picture.film
-        defines = {"FILMIC": self._film.tonemap == "filmic", "GRAIN": self._film.grain > 0.0}
-        self._array = player.vertex_array(
-            player.programs.get(SCREEN, HERE / "film.frag", defines, {})
-        )
+        self._arrays: dict[tuple[bool, bool], Any] = {}
+        self._array()
+
+    @property
+    def _film(self) -> Any:
+        return self._player.scene.picture.film
+
+    def _array(self) -> Any:
+        """What draws the film as it is described now."""
+        kind = self._film.tonemap == "filmic", self._film.grain > 0.0
+        if kind not in self._arrays:
+            defines = dict(zip(("FILMIC", "GRAIN"), kind, strict=True))
+            program = self._player.programs.get(SCREEN, HERE / "film.frag", defines, {})
+            self._arrays[kind] = self._player.vertex_array(program)
+        return self._arrays[kind]
 
     def key(self, time: float) -> Hashable:
         """All that the drawing of `time` seconds depends on."""
@@ -53,8 +63,9 @@ class Pass:
             "half_size": tuple(np.array([width, height]) / np.hypot(width, height)),
             "frame_number": self._frame_number(time),
         }
-        set_uniforms(self._array.program, values)
+        array = self._array()
+        set_uniforms(array.program, values)
         player.targets.texture("colour").use(0)
         player.targets.target("picture", dtype="f1").use()
         player.ctx.enable_only(moderngl.NOTHING)
-        player.targets.draw(self._array, mode=moderngl.TRIANGLES, vertices=3)
+        player.targets.draw(array, mode=moderngl.TRIANGLES, vertices=3)

@@ -30,14 +30,17 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._fog = player.scene.picture.fog
         self._array = player.vertex_array(player.programs.get(SCREEN, HERE / "fog.frag"))
+
+    @property
+    def _fog(self) -> Any:
+        return self._player.scene.picture.fog
 
     def uniforms(self, time: float) -> dict[str, Any]:
         """The fog of `time` seconds, as the sprites' shader calls it."""
         return {
             "fog_radiance": tuple(self._fog.radiance.at(time)),
-            "extinction": self._fog.extinction.at(time),
+            "extinction": 0.0 if "fog" in self._player.off else self._fog.extinction.at(time),
             "falloff": self._fog.falloff,
             "fog_base": 0.0,
         }

@@ -36,6 +36,10 @@ Hit follow(ivec3 cell, vec3 origin, vec3 d, float jitter) {
 #endif
 }
 
+#if LIGHTS
+#include "gather_lights.glsl"
+#endif
+
 #if BOUNCES
 
 uvec2 first_texel(uint page, int face) {
@@ -228,6 +232,9 @@ Found look(ivec3 cell, ivec3 front, int face, vec3 start, uvec3 place) {
     else {
         direct = textureLod(sky, lat_long(d), 0.0).rgb * PI / (1.0 - aims);
     }
+#endif
+#if LIGHTS
+    direct += from_lights(front, start, normal, shift, jitter);
 #endif
     return Found(direct, PI * handed, aimed);
 }

@@ -29,7 +29,6 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._ground = player.scene.ground
         # Drawn sharp where the gather blurs all that is opaque
         self._lens = "depth_of_field" in player.called and "defocus" not in player.called
         defines = {
@@ -48,7 +47,7 @@ class Pass:
 
     def draw(self, time: float) -> None:
         """Draw the ground of `time` seconds."""
-        player, ground = self._player, self._ground
+        player, ground = self._player, self._player.scene.ground
         lens = player.passes["depth_of_field"].uniforms(player.view) if self._lens else {}
         self._shadows.draw(ground.height, lens)
         values = {

@@ -1,21 +1,19 @@
-// What a caster leaves of the light, multiplied into the picture: four numbers a texture, two ends.
+// What a caster leaves of the light, multiplied into the picture: looked up for both its ends.
 #include "occlusion.glsl"
 
 uniform sampler2D opaque_depth;
-uniform sampler3D volume;         // FINE slabs along z, four components each
-#if FINE < VOLUMES
-uniform sampler3D coarse;         // the others, on a grid of their own
+uniform sampler3D first_hidden;   // of the light at each end: RECEIVER: slabs along z, by normal
+uniform sampler3D second_hidden;
+#if COARSE
+uniform sampler3D first_coarse;   // what other bands hide, on a grid of their own
+uniform sampler3D second_coarse;
 #endif
-uniform vec2 depth;               // voxels of a slab of each along z
 uniform float warp;               // see occlusion_warp
-uniform vec2 decode;              // factor and offset of stored values
 #if RECEIVER
 const int LOBES = 9;
+uniform vec2 depth;               // voxels of a slab of each grid along z
 uniform vec3 facing[2 * LOBES];   // what meets a normal's harmonics, by end
-#else
-const int LOBES = 1;
 #endif
-uniform vec4 weights[2 * CHANNELS * LOBES * VOLUMES];  // light over L.U, by end, channel, harmonic
 uniform mat3 object_from_world;
 uniform vec3 object_camera;       // the camera in the object's frame
 uniform vec3 longest;             // unit vector of the longest axis
@@ -42,11 +40,20 @@ in vec2 screen;
 
 layout(location = 0) out vec4 colour;
 
-// Four stored values of slab i of `count`, `n` voxels deep: no filter reaches the next slab.
-vec4 stored(sampler3D slabs, vec3 place, int i, int count, float n) {
+#if RECEIVER
+// Slab i of SLABS, `n` voxels deep: no filter reaches the next one.
+vec3 of_slab(sampler3D slabs, vec3 place, int i, float n) {
     float z = float(i) * n + clamp(place.z * n, 0.5, n - 0.5);
-    return texture(slabs, vec3(place.xy, z / (n * float(count)))) * decode.x + decode.y;
+    return texture(slabs, vec3(place.xy, z / (n * float(SLABS)))).rgb;
 }
+
+// The slab of a normal along an axis, behind those of the harmonics; -1 of any other normal.
+int slab_of(vec3 n) {
+    vec3 along = step(0.99999, abs(n));
+    int axis = int(dot(along, vec3(0.0, 1.0, 2.0)));
+    return along == vec3(0.0) ? -1 : LOBES + axis + (n[axis] < 0.0 ? 3 : 0);
+}
+#endif
 
 float depth_at(ivec2 pixel) {
     pixel = clamp(pixel, ivec2(0), textureSize(opaque_depth, 0) - 1);
@@ -156,33 +163,29 @@ void main() {
     vec3 offset = p * extent;
     if (dot(offset, offset) > reach * reach) discard;
     vec3 place = occlusion_warp(occlusion_place(p), warp);
-#if RECEIVER
-    float lobe[9] = receiver_lobe(normal_at(pixel, ground.x + towards.y * d, d));
-#endif
     vec3 hidden[2] = vec3[2](vec3(0.0), vec3(0.0));
-    for (int i = 0; i < VOLUMES; ++i) {
-#if FINE < VOLUMES
-        vec4 value = i < FINE ? stored(volume, place, i, FINE, depth.x)
-                              : stored(coarse, place, i - FINE, VOLUMES - FINE, depth.y);
-#else
-        vec4 value = stored(volume, place, i, FINE, depth.x);
-#endif
-        for (int end = 0; end < 2; ++end) {
-            for (int c = 0; c < CHANNELS; ++c) {
-                int first = (end * CHANNELS + c) * LOBES * VOLUMES + i;
 #if RECEIVER
-                vec4 weight = vec4(0.0);
-                for (int j = 0; j < LOBES; ++j) weight += lobe[j] * weights[first + j * VOLUMES];
-#else
-                vec4 weight = weights[first];
+    vec3 n = normal_at(pixel, ground.x + towards.y * d, d);
+    float lobe[9] = receiver_lobe(n);
+    int slab = slab_of(n);
+    int count = slab < 0 ? LOBES : 1;
+    for (int j = 0; j < count; ++j) {
+        float share = slab < 0 ? lobe[j] : 1.0;
+        int i = max(slab, j);
+        hidden[0] += share * of_slab(first_hidden, place, i, depth.x);
+        hidden[1] += share * of_slab(second_hidden, place, i, depth.x);
+#if COARSE
+        hidden[0] += share * of_slab(first_coarse, place, i, depth.y);
+        hidden[1] += share * of_slab(second_coarse, place, i, depth.y);
 #endif
-                hidden[end][c] += dot(value, weight);
-            }
-        }
     }
-#if CHANNELS == 1
-    hidden[0] = vec3(hidden[0].x);
-    hidden[1] = vec3(hidden[1].x);
+#else
+    hidden[0] = texture(first_hidden, place).rgb;
+    hidden[1] = texture(second_hidden, place).rgb;
+#if COARSE
+    hidden[0] += texture(first_coarse, place).rgb;
+    hidden[1] += texture(second_coarse, place).rgb;
+#endif
 #endif
     float factor = 1.0;
 #if FALLOFF

@@ -25,10 +25,13 @@ from runtime import casters, reuse, surfaces
 from runtime.camera import column_major
 from runtime.incident import Incident
 from runtime.shader import SCREEN, set_uniforms
+from runtime.shadow_light import SLABS
 
 HERE = Path(__file__).parent
 LEAST = 1.0 - float(srgb_decode(1.0 - 0.5 / 255.0))
 """Share of light that is half a code of white under the linear curve."""
+HIDDEN = ("first_hidden", "second_hidden", "first_coarse", "second_coarse")
+"""Volumes of the shader, in the order of `shadow_light.Volumes`."""
 FACING = 4.0
 """Light on a surface that faces all of it, over the mean of all surfaces."""
 
@@ -53,15 +56,15 @@ class Pass:
     def _array(self, caster: casters.Caster) -> Any:
         shadow = caster.shadow
         defines = {
-            "VOLUMES": len(caster.asset.scales) // 4,
-            "FINE": len(caster.asset.volumes),
-            "CHANNELS": 3 if shadow.coloured else 1,
+            "COARSE": len(caster.asset.grids) > 1,
             "FALLOFF": shadow.falloff,
             "OWN": "id" in self.reads and not shadow.self,
             "RECEIVER": shadow.receiver_normal,
             "NORMALS": "normal" in self.reads and shadow.receiver_normal,
             "SAMPLED": self._player.targets.samples > 1,
         }
+        if shadow.receiver_normal:
+            defines["SLABS"] = SLABS
         program = self._player.programs.get(SCREEN, HERE / "occlusion.frag", defines, {})
         return self._player.vertex_array(program)
 
@@ -99,13 +102,15 @@ class Pass:
         player.ctx.blend_func = moderngl.ZERO, moderngl.SRC_COLOR
         targets.texture("depth").use(0)
         if "id" in self.reads:
-            targets.texture("id").use(2)
+            targets.texture("id").use(5)
         if "normal" in self.reads:
-            targets.texture("normal").use(3)
+            targets.texture("normal").use(6)
         try:
             target.depth_mask = False
             for caster, array, each in zip(self.casters, self._arrays, light, strict=True):
-                self._draw(target, caster, array, each, time)
+                name = caster.placed.name
+                if player.shows("mesh", name) and player.shows("shadow", name):
+                    self._draw(target, caster, array, each, time)
         finally:
             target.scissor, target.depth_mask = None, True
         self._emission.draw(time)
@@ -135,13 +140,11 @@ class Pass:
         values = {
             **player.view.uniforms(player.targets.size),
             "opaque_depth": 0,
-            "volume": 1,
-            "mesh_number": 2,
-            "coarse": 4,
+            **{name: 1 + unit for unit, name in enumerate(HIDDEN)},
+            "mesh_number": 5,
+            "mesh_normal": 6,
             "depth": (float(grids[0].shape[1]), float(grids[-1].shape[1])),
             "warp": caster.asset.warp,
-            "decode": casters.decode(caster.asset),
-            "weights": [tuple(row) for row in weights.reshape(-1, 4)],
             "object_from_world": column_major(linear),
             "object_camera": tuple(linear @ eye + object_from_world[:3, 3]),
             "longest": tuple(np.eye(3)[caster.asset.box.longest_axis]),
@@ -152,13 +155,11 @@ class Pass:
         }
         if receiver:
             weights, facing = caster.receiver_weights(light, time)
-            values |= {
-                "mesh_normal": 3,
-                "weights": [tuple(row) for row in weights.reshape(-1, 4)],
-                "facing": [tuple(row) for row in np.broadcast_to(facing, (2, 9, 3)).reshape(-1, 3)],
-            }
+            facing = np.broadcast_to(facing, (2, 9, 3)).reshape(-1, 3)
+            values["facing"] = [tuple(row) for row in facing]
         set_uniforms(array.program, values)
-        for unit, texture in zip((1, 4), caster.textures, strict=False):
+        caster.volumes.write(weights)
+        for unit, texture in enumerate(caster.volumes.textures, start=1):
             texture.use(unit)
         target.scissor = area
         target.use()
@@ -195,6 +196,8 @@ class _Emission:
         player.ctx.depth_func = "<="
         player.ctx.blend_func = moderngl.ONE, moderngl.ONE
         for (surface, part), array in zip(self._parts, self._arrays, strict=True):
+            if not player.shows("mesh", surface.placed.name):
+                continue
             place = surfaces.place_uniforms(player, surface, time)
             set_uniforms(array.program, {**place, "emissive": part.emissive})
             player.targets.draw(array, mode=moderngl.TRIANGLES)

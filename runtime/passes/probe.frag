@@ -1,6 +1,7 @@
 // What a world of cubes sends to points: a row a point, a column a ray.
 #include "traverse.glsl"
 #include "texel_places.glsl"
+#include "colour.glsl"
 
 uniform WORLD world;
 uniform usampler3D rows;
@@ -8,7 +9,7 @@ uniform sampler2D albedo;
 uniform sampler2D lightmap;
 uniform usampler3D page_of;
 uniform usampler2D pages;
-uniform sampler2D rays;        // directions, w 0; or places in lamp w - 1
+uniform sampler2D rays;        // directions, w 0; places in lamp w - 1; places -1; directions -2
 uniform ivec3 size;
 uniform int n;                 // texels a cell side
 uniform float scale;           // radiance of a full code
@@ -18,6 +19,10 @@ uniform vec4 lamp[LAMPS];      // middle and half side, cells
 #endif
 #if SKY
 uniform sampler2D sky;
+#endif
+#if GLOWS
+uniform float even;            // even rays a steradian
+uniform float aimed;           // places on what glows, over all its power
 #endif
 
 layout(location = 0) out vec4 found;
@@ -59,9 +64,14 @@ Hit past_lamps(vec3 from, vec3 direction) {
     return hit;
 }
 
-vec3 sent_by(Hit hit, vec3 point) {
+vec3 sent_by(Hit hit, vec3 point, vec3 direction) {
     int row = row_of(hit.cell);
     vec3 radiance = light_at(world, hit.cell).rgb * scale;
+#if GLOWS
+    // Places find it too: both kinds count by their density
+    float fall = max(abs(direction[hit.face >> 1]), 1e-9);
+    radiance *= even / (even + aimed * luminance(radiance) * hit.t * hit.t / fall);
+#endif
     uint page = texelFetch(page_of, hit.cell, 0).x;
     uvec2 first = texelFetch(pages, ivec2(int(page & 255u) * 6 + hit.face, int(page >> 8u)), 0).xy;
     if (first.x == NOTHING) return radiance;
@@ -85,9 +95,17 @@ void main() {
         return;
     }
 #endif
+#if GLOWS || LIGHTS
+    if (ray.w < 0.0) {
+        if (ray.w > -1.5) direction -= from;
+        Hit hit = past_lamps(from, direction);
+        found.a = hit.face < 0 || (ray.w > -1.5 && hit.t > 0.9999) ? 1.0 : 0.0;
+        return;
+    }
+#endif
     Hit hit = past_lamps(from, direction);
     if (hit.face >= 0) {
-        found.rgb = sent_by(hit, from + direction * hit.t);
+        found.rgb = sent_by(hit, from + direction * hit.t, direction);
     }
 #if SKY
     else {

@@ -25,8 +25,11 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._blur = player.scene.picture.radial_blur
         self._array = player.vertex_array(player.programs.get(SCREEN, HERE / "radial_blur.frag"))
+
+    @property
+    def _blur(self) -> Any:
+        return self._player.scene.picture.radial_blur
 
     def key(self, time: float) -> Hashable:
         """All that the drawing of `time` seconds depends on besides the picture."""

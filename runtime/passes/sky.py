@@ -25,13 +25,16 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._sky = player.scene.picture.sky
         self._glow = self._sky.glow is not None and any(
             light.type == "sun" for light in player.scene.lights
         )
         self._array = player.vertex_array(
             player.programs.get(SCREEN, HERE / "sky.frag", {"GLOW": self._glow}, {})
         )
+
+    @property
+    def _sky(self) -> Any:
+        return self._player.scene.picture.sky
 
     def key(self, time: float) -> Hashable:
         """All that the drawing of `time` seconds depends on."""

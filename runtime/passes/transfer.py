@@ -86,6 +86,8 @@ class Pass:
         player.ctx.depth_func = "<="
         for number, arrays in enumerate(self._arrays):
             surface, layout = self.surfaces[number], self._layouts[number]
+            if not player.shows("mesh", surface.placed.name):
+                continue
             place = place_uniforms(player, surface, time)
             rows = lights[number].reshape(-1, 3)
             place["light"] = [tuple(row) for row in rows]

@@ -1,4 +1,4 @@
-// What later passes ask of the nearest face of a pixel: no mesh is there.
+// What later passes ask of the nearest face of a pixel: its number is of no mesh, and not of nothing.
 #include "voxels_cells.glsl"
 
 in vec3 point;
@@ -30,6 +30,6 @@ void main() {
     normal_out = vec4(normal, 1.0);
 #endif
 #if ID
-    id_out = 0;
+    id_out = -1;
 #endif
 }

@@ -94,7 +94,7 @@ def test_few_terms_see_no_difference(rng):
 BAD = {
     "NaN": (lambda a: a.__setitem__((2, 3, 1), np.nan), "column 3, row 2"),
     "infinity": (lambda a: a.__setitem__((0, 0, 0), np.inf), "column 0, row 0"),
-    "negative": (lambda a: a.__setitem__((7, 15, 2), -1e-6), "column 15, row 7"),
+    "far below 0": (lambda a: a.__setitem__((7, 15, 2), -1e35), "column 15, row 7"),
     "too bright": (lambda a: a.__setitem__((1, 1, 1), 1e35), "column 1, row 1"),
 }
 
@@ -104,6 +104,26 @@ def test_bad_radiance_is_named_by_its_texel(spoil, where):
     radiance = np.ones((8, 16, 3), np.float32)
     spoil(radiance)
     with pytest.raises(InputError, match=where):
+        resample(radiance, params=Params())
+
+
+def test_a_little_below_zero_counts_as_zero_and_is_told():
+    radiance = np.ones((8, 16, 3), np.float32)
+    radiance[7, 15, 2] = -1.5
+    found = resample(radiance, params=Params(width=16))
+    assert found.radiance.min() == 0
+    clean = resample(np.maximum(radiance, 0), params=Params(width=16))
+    np.testing.assert_array_equal(found.radiance, clean.radiance)
+    assert found.quality["negative_values"] == pytest.approx(1 / radiance.size)
+    assert "count as 0" in found.quality["notes"][0]
+    assert "notes" not in clean.quality
+
+
+@pytest.mark.parametrize("share", [0.2, 1.0])
+def test_a_map_of_much_below_zero_is_refused(share):
+    radiance = np.ones((8, 16, 3), np.float32)
+    radiance[:, : round(16 * share)] = -1
+    with pytest.raises(InputError, match="below 0"):
         resample(radiance, params=Params())
 
 

@@ -113,3 +113,12 @@ def test_space_is_asked_for_by_the_largest_past_entry(
     monkeypatch.setattr(publish, "require_space", lambda folder, needed: asked.append(needed))
     bench.bake()
     assert asked == [2 * size + store_module.LEAST_FREE_BYTES]
+
+
+def test_a_bake_that_finds_all_in_the_store_sweeps_too(bench: Bench) -> None:
+    bench.bake()
+    left = bench.folder / f".tmp-{'0' * 64}-1-abcdef01"
+    left.mkdir()
+    os.utime(left, (0, 0))
+    assert bench.bake().hit
+    assert bench.leftovers() == []

@@ -108,3 +108,16 @@ def test_a_scene_of_nothing_is_black(tmp_path):
     found = render(scene_of(tmp_path), params=Params(width=4, height=4, samples=2))
     assert not found.radiance.any()
     assert np.all(np.isinf(found.distance))
+
+
+def test_pictures_and_particles_are_left_out_with_a_note(tmp_path, flag, monkeypatch):
+    group = {"name": "dots", "source": flag, "height": 1.0, "positions": [[0, 0, 0]]}
+    emitter = {"rate": 1, "lifetime": [1, 2], "centre": [0, 0, 0]}
+    embers = {"name": "embers", "emitter": emitter, "look": {"radius": 0.1}}
+    scene = scene_of(tmp_path, billboards=[group], particles=[embers])
+    monkeypatch.setattr(type(scene.billboards[0]), "pictured", property(lambda self: True))
+    found = render(scene, params=Params(width=4, height=4, samples=2))
+    assert found.notes == (
+        "dots: left out, a picture has no mesh to trace",
+        "embers: left out, particles are not traced",
+    )

@@ -68,7 +68,19 @@ def everything() -> scene.Scene:
         voxels={"source": "a.vox", "lamps": [LAMP]},
         meshes=[
             {"name": "rock", "source": "rock.glb", "shadow": {}},
-            {"name": "bust", "source": "bust.glb", "lighting": "transfer"},
+            {
+                "name": "bust",
+                "source": "bust.glb",
+                "lighting": "transfer",
+                "silhouette_width": 0.01,
+            },
+        ],
+        particles=[
+            {
+                "name": "embers",
+                "emitter": {"rate": 9, "lifetime": [1, 2], "centre": [0, 1, 0]},
+                "look": {"radius": 0.1},
+            }
         ],
         picture={
             "sky": {"zenith": [0, 0, 1], "horizon": [1, 1, 1]},

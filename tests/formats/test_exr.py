@@ -159,3 +159,36 @@ def test_real_maps_are_read(name: str) -> None:
     with OpenEXR.File(str(path), separate_channels=True) as file:
         for i, channel in enumerate("RGB"):
             np.testing.assert_array_equal(picture[..., i], file.channels()[channel].pixels)
+
+
+def test_layers_are_channels_of_one_part(tmp_path: Path, rng: np.random.Generator) -> None:
+    light = rng.random((3, 5, 3)).astype(np.float16)
+    # Views that are not contiguous are stored as they look
+    normal = rng.normal(0, 1, (3, 5, 6)).astype(np.float32)[::-1, :, ::2]
+    layers = {"": ("RGB", light), "normal": ("XYZ", normal)}
+    exr.write_layers(tmp_path / "a.exr", layers, attributes={"software": "x"})
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        assert len(file.parts) == 1
+        found = {name: channel.pixels for name, channel in file.channels().items()}
+    assert sorted(found) == ["B", "G", "R", "normal.X", "normal.Y", "normal.Z"]
+    for name, pixels in (("", light), ("normal", normal)):
+        for number, letter in enumerate(layers[name][0]):
+            label = f"{name}.{letter}".lstrip(".")
+            np.testing.assert_array_equal(found[label], pixels[..., number], strict=True)
+    assert next(iter(exr.read(tmp_path / "a.exr"))) == ""
+
+
+@pytest.mark.parametrize(
+    "layers",
+    [
+        {},
+        {"": ("RGB", np.zeros((2, 2, 4), np.float16))},
+        {"": ("Z", np.zeros((2, 2, 1), np.float64))},
+        {"": ("Z", np.full((2, 2, 1), np.inf, np.float32))},
+        {"a": ("Z", np.zeros((2, 2, 1), np.float32)), "b": ("Z", np.zeros((2, 3, 1), np.float32))},
+    ],
+)
+def test_layers_that_cannot_be_written(layers: dict[str, object], tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        exr.write_layers(tmp_path / "a.exr", layers)  # type: ignore[arg-type]
+    assert list(tmp_path.iterdir()) == []

@@ -108,7 +108,7 @@ def test_what_is_not_known_may_be_of_any_brightness() -> None:
     oak = {"name": "oak", "source": "oak.glb", "height": 2.0, "positions": [[0, 0, 0]]}
     assert decided(made(high, billboards=[oak]), "bloom").called
     other = made(high)
-    other.raw["particles"] = []
+    other.raw["smoke"] = []
     assert decided(other, "bloom").called
 
 

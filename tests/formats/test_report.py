@@ -1,5 +1,6 @@
 """report.json: the same facts give the same bytes, and only facts that JSON can hold."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -82,3 +83,22 @@ def test_sealed_reports_are_verified(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"1", b"2"))
     with pytest.raises(DamagedError):
         report.read(tmp_path)
+
+
+def test_whatever_a_report_says_ends_in_one_typed_error(tmp_path: Path) -> None:
+    @dataclass
+    class Thing:
+        size: float
+
+        @classmethod
+        @report.understood
+        def load(cls, folder: Path) -> "Thing":
+            return cls(report.read(folder)["size"] * 2.0)
+
+    report.write(tmp_path, {"size": 3})
+    assert Thing.load(tmp_path).size == 6
+    for broken in ({}, {"size": "far"}, {"size": [1]}, {"size": 1e308}):
+        report.write(tmp_path, broken)
+        with pytest.raises(DamagedError, match="entries") as refusal:
+            Thing.load(tmp_path)
+        assert "\n" not in str(refusal.value)

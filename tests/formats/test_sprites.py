@@ -68,7 +68,7 @@ LP = "photographs/oak.lp"
         ({"dome": {"bands": 9}}, "dome.bands", "from 0 to 8"),
         ({"dome": {"channels": 1}}, "dome.channels", "from 2 to 64"),
         ({"dome": {"lights": 5}}, "dome.lights", "from 6 to 1024"),
-        ({"source": "photographs/oak.png"}, "source", ".lp"),
+        ({"source": "photographs/oak.jpg"}, "source", ".lp"),
     ],
     ids=str,
 )
@@ -117,3 +117,37 @@ def test_missing_photographs_are_refused_by_name(tmp_path: Path) -> None:
     (tmp_path / "photographs/b.png").unlink()
     error = refused(tmp_path, source=LP)
     assert (error.field, error.value) == ("line 3", "b.png")
+
+
+@pytest.mark.parametrize(
+    ("fields", "field", "remedy"),
+    [
+        ({"ring": {}}, "ring", "no light but its own"),
+        ({"dome": {}}, "dome", "no light but its own"),
+        ({"samples": 4}, "samples", "no light but its own"),
+        ({"views": 2}, "views", "no light but its own"),
+        ({"packing": "full"}, "packing", "no light but its own"),
+        ({"roll": [1, 2]}, "roll", "one a position"),
+        ({"radiance": [-1, 0, 0]}, "radiance", "from 0"),
+        ({"opacity": 2}, "opacity", "from 0 to 1"),
+        ({"facing": "sun"}, "facing", "upright"),
+    ],
+    ids=str,
+)
+def test_what_does_not_suit_a_picture_is_refused(
+    fields: dict[str, Any], field: str, remedy: str
+) -> None:
+    error = refused(source="pictures/cell.png", **fields)
+    assert str(error.field).startswith(f"billboards[0].{field}")
+    assert remedy in error.remedy
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [{"roll": [9]}, {"opacity": 0.5}, {"radiance": [2, 2, 2]}, {"facing": "camera"}],
+    ids=str,
+)
+def test_what_only_a_picture_has_is_refused_elsewhere(fields: dict[str, Any]) -> None:
+    error = refused(**fields)
+    assert error.field == f"billboards[0].{next(iter(fields))}"
+    assert "only a picture" in error.remedy

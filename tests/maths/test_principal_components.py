@@ -29,6 +29,16 @@ def test_residual_is_the_optimum(rng: np.random.Generator, fall: float) -> None:
     assert found.warnings == ()
 
 
+@pytest.mark.parametrize("fall", [1e-2, 1e-3, 1e-6])  # smallest of three: 1e-4, 1e-6, 1e-12
+def test_small_singular_values_keep_their_digits(rng: np.random.Generator, fall: float) -> None:
+    U = np.linalg.qr(rng.normal(size=(2000, 3)))[0]
+    V = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    truth = fall ** np.arange(3)
+    found = principal_components(U * truth @ V, 3)
+    # A trusted Gram matrix squares a condition of up to 1e5: 1e-16 * 1e10 / 2. QR: 1e-16 * 1e12
+    np.testing.assert_allclose(found.singular, truth, rtol=1e-3 if fall < 1e-4 else 1e-6)
+
+
 def test_scikit_learn_agrees(rng: np.random.Generator) -> None:
     decomposition = pytest.importorskip("sklearn.decomposition")
     x = falling(rng, 500, 12, 0.6)
@@ -134,3 +144,31 @@ def test_misuse_is_refused() -> None:
     for x, count in ((np.ones(4), 1), (np.ones((0, 3)), 1), (np.ones((2, 2)), 0)):
         with pytest.raises(ValueError, match="matrix"):
             principal_components(x, count)
+
+
+def test_directions_of_equal_singular_values_do_not_depend_on_rounding(
+    rng: np.random.Generator,
+) -> None:
+    """A span of three equal values, of which two are kept, turned before by chance."""
+    V = np.linalg.qr(rng.normal(size=(9, 9)))[0]
+    U = np.linalg.qr(rng.normal(size=(400, 9)))[0]
+    s = np.array([5, 3, 3, 3, 1, 0.5, 0.5, 0.1, 0.01])
+    first = principal_components(U * s @ V, 3)
+    for _ in range(4):
+        turn = np.eye(9)
+        turn[1:4, 1:4] = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        again = principal_components(U * s @ (turn @ V), 3)
+        # Rounding of 1e-16 against gaps of a third
+        np.testing.assert_allclose(again.vectors, first.vectors, atol=1e-13)
+    np.testing.assert_allclose(first.vectors @ first.vectors.T, np.eye(3), atol=1e-14)
+    assert first.residual == pytest.approx(first.optimum, rel=1e-9)
+
+
+def test_nearly_equal_singular_values_keep_their_order_and_the_optimum(
+    rng: np.random.Generator,
+) -> None:
+    V, U = (np.linalg.qr(rng.normal(size=(n, 6)))[0] for n in (6, 300))
+    s = np.array([2, 1 + 1e-4, 1, 1 - 1e-4, 0.1, 0.05])
+    found = principal_components(U * s @ V.T, 2)
+    # Gaps of ten times TIED are told apart, here to 1e-16 over 1e-4
+    np.testing.assert_allclose(np.abs(np.sum(found.vectors * V.T[:2], axis=1)), 1, atol=1e-11)

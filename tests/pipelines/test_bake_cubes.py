@@ -166,6 +166,46 @@ def test_a_still_lamp_lights_what_is_baked(scene: Scenes, command: Command, tmp_
     assert found[1].max() > 0.5
 
 
+def test_lights_of_the_scene_light_what_is_baked(
+    scene: Scenes, command: Command, tmp_path: Path
+) -> None:
+    """Each kind by itself, as it is at first; those left out do not."""
+    dark = {**WORLD, "emissive": {}, "bounces": 0}
+    place = {"position": [0.0, 4.0, 0.0], "radiance": [9.0, 3.0, 1.0]}
+    flat = {**place, "facing": [0, -1, 0]}
+    corners = [[-1, 4, 1], [-1, 4, -1], [1, 4, -1], [1, 4, 1]]
+    lights: list[dict[str, Any]] = [
+        {"type": "sun", "to_light": [1, 2, 0.5], "irradiance": [9.0, 3.0, 1.0]},
+        {"type": "sphere", "radius": 0.5, **place},
+        {"type": "disc", "radius": 0.5, **flat},
+        {"type": "rectangle", "size": [1, 0.5], **flat},
+        {"type": "polygon", "outline": corners[::-1], "radiance": [9.0, 3.0, 1.0]},
+        {"type": "polygon", "outline": corners, "radiance": [9.0, 3.0, 1.0]},
+        {"type": "sphere", "radius": 0.5, **place, "radiance": [0.0, 0.0, 0.0]},
+    ]
+    mean = []
+    for light in lights:
+        path = scene(voxels=dark, lights=[light])
+        baked(command, path)
+        folder = tmp_path / "build/scenes/yard"
+        where = json.loads((folder / "manifest.json").read_text())["assets"]["lightmap/world"]
+        found = Lightmap.load(folder / where).irradiance
+        np.testing.assert_allclose(3 * found[..., 1], found[..., 0], rtol=2**-10, atol=1e-6)
+        mean.append(float(found[..., 0].mean()))
+    # One of both windings faces down
+    assert sorted(m > 0.01 for m in mean[4:6]) == [False, True]
+    assert min(mean[:4]) > 0.01
+    assert mean[6] == 0
+    # At first, where a light moves and the gather is forced off
+    moving = {**lights[1], "radiance": {"times": [0, 1], "values": [[9, 3, 1], [0, 0, 0]]}}
+    called, _ = planned(command, scene(voxels=dark, lights=[moving]))
+    assert "gather" in called
+    path = scene(voxels=dark, lights=[moving], force={"gather": False})
+    baked(command, path)
+    where = json.loads((folder / "manifest.json").read_text())["assets"]["lightmap/world"]
+    assert Lightmap.load(folder / where).irradiance[..., 0].mean() == pytest.approx(mean[1])
+
+
 def test_one_kind_is_baked_with_what_it_is_made_from(scene: Scenes, command: Command) -> None:
     hits = baked(command, scene(lights=[SKY]), "--only", "lightmap")
     assert hits == dict.fromkeys(("environment/0", "voxels/world", "lightmap/world"), False)

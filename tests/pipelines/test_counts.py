@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from assets.voxels import vox_file
 from formats.plan import FRAME
@@ -109,6 +110,11 @@ BARE: dict[str, Any] = {
 }
 TENT = {"name": "tent", "source": "meshes/tent.glb", "height": 1.0, "resolution": 24, "samples": 4}
 SPRITES = {"billboards": [{**TENT, "positions": [[0, 0, 0]]}]}
+EMBERS = {
+    "name": "embers",
+    "emitter": {"rate": 9, "lifetime": [1, 2], "centre": [0, 0.5, 0]},
+    "look": {"radius": 0.1},
+}
 LENS = {"camera": {**BARE["camera"], "lens": {"f_number": 0.8, "focus_distance": 2.0}}}
 HOUSE = {"meshes": [{"name": "house", "source": "meshes/tent.glb"}]}
 SKY = {"picture": {"sky": {"zenith": [0.1, 0.2, 0.5], "horizon": [0.6, 0.6, 0.6]}}}
@@ -124,7 +130,25 @@ LIGHTS = "runtime.light_uniforms"
         # What reaches the ground is a texture of its own
         ("ground", {}, {"ground": {}}, ["runtime.ground_shadows", LIGHTS], 1, 2, []),
         # The depth, the set's texture and the table of records
-        ("billboard", {}, SPRITES, [], 1, 3, ["bake.billboard.trace", "bake.mips.pack"]),
+        (
+            "billboard",
+            {},
+            SPRITES,
+            ["runtime.sprite_shadows"],
+            1,
+            3,
+            ["bake.billboard.trace", "bake.mips.pack"],
+        ),
+        # Discs bring the pass that draws sprites, but no texture beside its records
+        (
+            "particles",
+            {},
+            {"particles": [EMBERS]},
+            ["runtime.passes.billboard", "runtime.particles"],
+            1,
+            2,
+            [],
+        ),
         # Meshes lit so are drawn by it, not by the surface pass
         (
             "transfer",
@@ -135,15 +159,28 @@ LIGHTS = "runtime.light_uniforms"
             1,
             ["bake.transfer.trace"],
         ),
-        # Its volume, and whose each pixel is, which the surfaces draw with a program more
+        # A volume an end, and whose each pixel is, which the surfaces draw with a program more
         (
             "occlusion",
             {**HOUSE, "ground": {}},
             {"meshes": [{**HOUSE["meshes"][0], "shadow": {"grid": 8}}]},
-            ["runtime.casters", "runtime.incident", "runtime.light_harmonics"],
+            [
+                *("runtime.casters", "runtime.incident"),
+                *("runtime.light_harmonics", "runtime.shadow_light"),
+            ],
             2,
-            2,
+            3,
             ["bake.compress.compress", "bake.occlusion.trace"],
+        ),
+        # Drawing fins and laying them over; a tent has straight edges and no fins, so no layer
+        (
+            "silhouette",
+            HOUSE,
+            {"meshes": [{**HOUSE["meshes"][0], "silhouette_width": 0.1}]},
+            [],
+            2,
+            0,
+            [],
         ),
         # Four layers, two of tiles, three sums, copies of colour and depth, the near layer's two
         ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 4, 14, []),
@@ -172,11 +209,33 @@ def test_an_effect_adds_exactly_its_own_to_a_bare_scene(
     new = {m for m in set(more["modules"]) - set(less["modules"]) if m.startswith("runtime")}
     own = {f"runtime.passes.{effect}", *modules}
     assert new == own
-    assert passes(more) - passes(less) == {effect}
+    assert passes(more) - passes(less) == {m.split(".")[-1] for m in own if ".passes." in m}
     assert sorted(more["stages"]) == sorted(less["stages"] + stages)
     assert more["profile"]["programs"] - less["profile"]["programs"] == programs
     assert more["profile"]["textures"] - less["profile"]["textures"] == textures
-    assert set(more["profile"]["passes"]) - set(less["profile"]["passes"]) == {effect}
+    assert effect in set(more["profile"]["passes"]) - set(less["profile"]["passes"])
+
+
+@pytest.mark.gpu
+def test_pictures_bring_no_light_and_one_program(assets: Path, tmp_path: Path) -> None:
+    (assets / "pictures").mkdir()
+    rgba = np.full((9, 7, 4), 255, np.uint8)
+    sets = []
+    for name in ("dot", "ring"):
+        Image.fromarray(rgba).save(assets / f"pictures/{name}.png")
+        where = {"source": f"pictures/{name}.png", "height": 0.5, "facing": "camera"}
+        sets.append({"name": name, **where, "positions": [[0, 0, 0], [1, 0, 0]]})
+    raw = {**BARE, "lights": [], "billboards": sets}
+    (assets / "scenes/dots.json").write_text(json.dumps(raw))
+    found = counted(assets, "dots.json", tmp_path / "dots")
+    assert passes(found) == {"billboard", "film"}
+    assert found["stages"] == ["bake.picture.prepare"] * 2
+    profile = found["profile"]
+    assert profile["programs"] == 2
+    # Picture, colour, depth, one texture for both sets, their records
+    assert profile["textures"] == 5
+    assert profile["by_pass"]["billboard"]["draw_calls"] == 1
+    assert not [m for m in found["modules"] if m in ("runtime.sprite_shadows", "bake")]
 
 
 CUBES: dict[str, Any] = {
@@ -189,7 +248,10 @@ CUBES: dict[str, Any] = {
 GOES = {"times": [0, 1], "values": [[0, 1, 0], [0.5, 1, 0]]}
 LAMPS = {"lamps": [{"position": GOES, "radiance": [3, 2, 1]}]}
 BUST = {"meshes": [{**HOUSE["meshes"][0], "lighting": "transfer"}]}
-GATHER = ("gather", "gather_draws", "gather_schedule", "gather_targets", "voxel_lamps")
+GATHER = (
+    *("gather", "gather_draws", "gather_schedule", "gather_targets", "voxel_lamps"),
+    *("light_sights", "light_uniforms"),
+)
 
 
 @pytest.mark.gpu
@@ -222,7 +284,12 @@ GATHER = ("gather", "gather_draws", "gather_schedule", "gather_targets", "voxel_
             BUST,
             {},
             {"lightmap", "probe", "voxels"},
-            {"runtime.gather_targets"},
+            {
+                "runtime.gather_targets",
+                "runtime.light_sights",
+                "runtime.probe_glow",
+                "runtime.voxel_lamps",
+            },
             2,
             9,
             ["bake.cubes.light", "bake.voxels.from_vox"],
@@ -261,5 +328,6 @@ def test_cubes_add_exactly_what_lights_them(
 
 def test_every_effect_is_counted() -> None:
     here = {"environment", "surface", "ground", "sky", "occlusion", "fog", "defocus", "billboard"}
-    here |= {"radial_blur", "bloom", "voxels", "lightmap", "gather", "probe"}
+    here |= {"particles"}
+    here |= {"silhouette", "radial_blur", "bloom", "voxels", "lightmap", "gather", "probe"}
     assert here | {"transfer"} | {"depth_of_field", "film"} == set(FRAME)

@@ -15,6 +15,7 @@ import pytest
 
 from formats import scene as scenes
 from formats import seal
+from formats.files import image
 from formats.film_bounds import HALF_FLOAT
 from formats.plan import Plan
 from pipelines import plan as plans
@@ -25,6 +26,7 @@ SCENES = int(os.environ.get("BAKELIGHT_PROOFS", "24"))
 SIZE = (64, 36)
 TENT = {"name": "tent", "source": "meshes/tent.glb", "height": 1.0, "resolution": 24, "samples": 4}
 FULL = {**TENT, "name": "full", "packing": "full"}
+DOT = {"name": "dot", "source": "pictures/dot.png", "height": 0.5}
 HOUSE = {"name": "house", "source": "meshes/tent.glb"}
 SHADOW = {"shadow": {"grid": 8, "l_max": 3, "rays": 64}}
 EVEN = {"type": "environment", "source": "environments/even.hdr"}
@@ -39,7 +41,7 @@ ALL = {
     },
     "lights": [EVEN],
     "meshes": [{**HOUSE, **SHADOW}],
-    "billboards": [{**each, "positions": [[0, 0, 0]]} for each in (TENT, FULL)],
+    "billboards": [{**each, "positions": [[0, 0, 0]]} for each in (TENT, FULL, DOT)],
 }
 Raw = dict[str, Any]
 Draw = Callable[[Raw], tuple[Plan, list[Any]]]
@@ -147,7 +149,45 @@ def random_scene(rng: np.random.Generator) -> Raw:
     if rng.random() < 0.25:
         centre = rng.uniform(0, 1, 2).tolist()
         picture["radial_blur"] = {"strength": some(rng, 1e-3, 0.5), "centre": centre}
+    for mesh in raw.get("meshes", []):
+        if rng.random() < 0.6:
+            mesh["silhouette_width"] = some(rng, 1e-3, 1.0)
+            mesh["silhouette_softness"] = some(rng, 0.1, 4.0)
+    add_light_in_the_air(rng, raw)
     return raw
+
+
+def add_light_in_the_air(rng: np.random.Generator, raw: Raw) -> None:
+    """Pictures and particles, some of them far away, dark, or never born."""
+    colour = (rng.uniform(0, 1, 3) * some(rng, 1e-3, 10.0)).tolist()
+    if rng.random() < 0.3:
+        spread = [[3, 2, 3], [40, 9, 40]][int(rng.random() < 0.3)]
+        places = (rng.uniform(-1, 1, (4, 3)) * spread).tolist()
+        looks = {"facing": str(rng.choice(["camera", "upright"])), "radiance": colour}
+        looks |= {"roll": rng.uniform(-180, 180, 4).tolist(), "opacity": float(rng.choice([0, 1]))}
+        looks |= {"softness": 0.3} if rng.random() < 0.3 else {}
+        raw["billboards"] = [*raw.get("billboards", []), {**DOT, "positions": places, **looks}]
+    if rng.random() < 0.5:
+        drawn = [each["name"] for each in raw.get("billboards", [])]
+        centre = (rng.normal(size=3) * some(rng, 0.3, 60.0)).tolist()
+        look: Raw = {"radius": some(rng, 1e-3, 0.5), "radiance": colour}
+        if drawn and rng.random() < 0.4:
+            look = {"billboard": str(rng.choice(drawn)), "scale": some(rng, 0.3, 2.0)}
+        rate = 0.0 if rng.random() < 0.15 else some(rng, 0.5, 10.0)
+        raw["particles"] = [
+            {
+                "name": "embers",
+                "emitter": {
+                    "seed": int(rng.integers(1000)),
+                    "rate": rate,
+                    "lifetime": [0.5, 2.0],
+                    "centre": keyed(rng, centre, [0.0, 1.0, 0.0]),
+                    "half_size": [1.0, 0.5, 1.0],
+                },
+                "motion": {"velocity": rng.normal(size=3).tolist(), "turbulence": 0.3},
+                "look": look,
+            }
+        ]
 
 
 def everything(raw: Raw) -> Raw:
@@ -155,7 +195,9 @@ def everything(raw: Raw) -> Raw:
     described = {
         "surface": "meshes" in raw,
         "occlusion": any("shadow" in each for each in raw.get("meshes", [])),
-        "billboard": "billboards" in raw,
+        "silhouette": any("silhouette_width" in each for each in raw.get("meshes", [])),
+        "billboard": "billboards" in raw or "particles" in raw,
+        "particles": "particles" in raw,
         "ground": "ground" in raw,
         "environment": any(each["type"] == "environment" for each in raw["lights"]),
         "sky": "sky" in raw["picture"],
@@ -180,6 +222,10 @@ def drawing(
 
     root = writing_assets(tmp_path_factory.mktemp("proofs") / "assets")
     (root / "scenes/everything.json").write_text(json.dumps(ALL))
+    (root / "pictures").mkdir()
+    y, x = np.mgrid[-1:1:24j, -1:1:24j]
+    dot = np.stack([1 + 0 * x, 0.6 + 0.3 * x, 0.5 + 0.4 * y, np.hypot(x, y) < 0.9], axis=-1)
+    image.write(root / "pictures/dot.png", dot)
     done = bake_scene(root / "scenes/everything.json", build_folder=root / "build")
     folders = {name: entry.path for name, entry in done.entries.items()}
     context, kept = make_context(), {}

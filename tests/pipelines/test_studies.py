@@ -21,6 +21,7 @@ from pipelines.studies import (
     subjects,
     thin_lens,
 )
+from pipelines.studies.answer import PRICES, Answer
 
 LANTERN = subjects.MESHES / "lantern.glb"
 QUICK = subjects.Setting(quick=True, source=LANTERN)
@@ -216,23 +217,42 @@ OWN = {
     "voxel_storage",
     "shadow_truth",
     "shadow_lights",
+    "sprite_lights",
 }
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("question", [q for q in run.QUESTIONS if q not in OWN])
 def test_study_answers_and_writes_it_down(question: str, tmp_path: Path) -> None:
-    answer, files = run.run_one(question, tmp_path, QUICK)
+    setting = QUICK if "mesh" in run.takes(question) else subjects.Setting(quick=True)
+    answer, files = run.run_one(question, tmp_path, setting)
     assert sorted(f.suffix for f in files[:4]) == [".csv", ".json", ".png", ".svg"]
     assert all(f.stem == question for f in files[:4])
     assert [f.stem for f in files[4:]] == [f"{question}-{name}" for name in answer.pictures]
     assert all(f.stat().st_size > 0 for f in files)
     data = json.loads((tmp_path / f"{question}.json").read_text())
     assert data["answer"] == answer.title
-    assert data["source"] == "lantern.glb"
+    assert data["source"] == (None if setting.source is None else "lantern.glb")
     assert {"machine", "versions", "seed", "truth"} <= set(data)
     with open(tmp_path / f"{question}.csv", encoding="utf-8") as file:
         assert len(list(csv.DictReader(file))) == len(data["rows"]) > 0
+    check_form(answer)
+
+
+def check_form(answer: Answer) -> None:
+    """Every point is in the common form, is told apart, and has its picture."""
+    points = answer.points
+    assert points
+    assert len({(p["subject"], p["setting"]) for p in points}) == len(points)
+    assert answer.columns()
+    assert set(answer.shots) == {(p["subject"], p["setting"]) for p in points}
+    for each in points:
+        assert float(each["error_low"]) <= float(each["error"]) <= float(each["error_high"])
+        assert all(float(each[price]) > 0 for price in PRICES if price in each)
+    for shot in answer.shots.values():
+        assert shot.truth is not None
+        assert shot.picture.shape == shot.truth.shape
+        assert shot.picture.dtype == shot.truth.dtype == np.uint8
 
 
 def test_questions_are_listed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

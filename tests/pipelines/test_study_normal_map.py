@@ -156,12 +156,16 @@ def test_errors_are_those_of_closed_forms() -> None:
     # Outside coverage anything may stand
     picture[0] = 1
     truth = Photographs(pictures, lights, "linear", coverage=coverage)
-    one = normal_map.Subject(truth, {"ring": lambda light: picture}, (1.0, 0.0))
+    one = normal_map.Subject(truth, {"ring": lambda light: picture}, (1.0, 0.0), {"ring": 2.0})
     found = normal_map.errors(one)
-    # A tenth off everywhere is 20 dB; single precision of .2 is 1e-6 dB
-    np.testing.assert_allclose(found["ring"], 20.0, atol=1e-4)
-    row = normal_map.rows_of("a", one, {"ring": np.arange(8.0)})[0]
-    assert (row["bytes"], row["low"], row["high"], row["worst"]) == (12, 1.5, 5.5, 0.0)
+    # A tenth off everywhere; single precision of .2
+    np.testing.assert_allclose(found["ring"], 0.1, atol=1e-6)
+    row = normal_map.rows_of("a", one, {"ring": 10 ** (-np.arange(8.0) / 20)})[0]
+    assert (row["bytes_a_pixel"], row["bytes"], row["bake_seconds"]) == (12, 12 * 16, 2.0)
+    told = [float(row[name]) for name in ("low", "high", "worst")]
+    np.testing.assert_allclose(told, [1.5, 5.5, 0.0], atol=1e-12)
+    # The error is the root of the mean square over the lights
+    assert row["error"] == pytest.approx(np.sqrt(np.mean(10 ** (-np.arange(8.0) / 10))))
 
 
 @pytest.mark.slow

@@ -192,7 +192,7 @@ def write_scene(tmp_path):
 def called_for(raw):
     """What the plan would call for, by the tables alone."""
     picture = raw.get("picture", {})
-    cubes, taking = raw.get("voxels"), [m for m in raw.get("meshes", []) if takes_harmonics(m)]
+    cubes, taking = raw.get("voxels"), raw.get("meshes") or raw.get("billboards")
     moves = cubes is not None and bool(cubes.get("lamps") or cubes.get("bodies"))
     wanted = {
         "lightmap": cubes is not None and not moves,
@@ -206,18 +206,16 @@ def called_for(raw):
         "sky": "sky" in picture,
         "occlusion": any("shadow" in mesh for mesh in raw.get("meshes", [])),
         "fog": "fog" in picture,
+        "silhouette": any(m.get("silhouette_width", 0) > 0 for m in raw.get("meshes", [])),
         "defocus": bool(raw.get("meshes") or cubes) and "lens" in raw["camera"],
-        "billboard": bool(raw.get("billboards")),
+        "particles": bool(raw.get("particles")),
+        "billboard": bool(raw.get("billboards") or raw.get("particles")),
         "depth_of_field": "lens" in raw["camera"],
         "radial_blur": "radial_blur" in picture,
         "bloom": "bloom" in picture,
         "film": True,
     }
     return tuple(name for name in FRAME if wanted[name])
-
-
-def takes_harmonics(mesh):
-    return "shadow" in mesh or mesh.get("lighting") == "transfer"
 
 
 SUN, IRRADIANCE = (0.5, 0.6, 0.7), (3.0, 3.0, 3.0)

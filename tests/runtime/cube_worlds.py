@@ -31,12 +31,11 @@ def makers(ctx):
     """
     made, programs = [], _PROGRAMS.setdefault(ctx, Programs(ctx))
 
-    def make(voxels, faces, *, storage="rgba8", brightest=0.0, environment=None, free=(), **knobs):
-        gaps = knobs.get("mode") == "sphere"
+    def make(voxels, faces, *, storage="rgba8", brightest=0.0, **more):
+        own = {name: more.pop(name) for name in ("environment", "free", "lights") if name in more}
+        gaps = more.get("mode") == "sphere"
         volume = VoxelVolume(ctx, voxels, storage=storage, gaps=gaps, brightest=brightest)
-        found = Gather(
-            ctx, programs, volume, faces, knobs=Knobs(**knobs), environment=environment, free=free
-        )
+        found = Gather(ctx, programs, volume, faces, knobs=Knobs(**more), **own)
         made.append(found)
         return found
 

@@ -1,7 +1,5 @@
 """Lights projected at the ends of casters, and how far their shadows reach."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -58,9 +56,7 @@ def test_weights_make_of_stored_values_the_share_hidden(caster, coloured, depth)
     light[:, 0] = np.abs(light[:, 0]) + 3
     weights = made.weights(light, 0.0)
     stored = np.moveaxis(asset.volumes, 0, 3).reshape(6**3, -1)
-    factor, offset = casters.decode(asset)
-    texels = stored / 255.0 if depth == 8 else stored.astype(np.float64)
-    found = np.einsum("vk,eck->evc", texels * factor + offset, weights)
+    found = np.einsum("vk,eck->evc", decode(stored).astype(np.float64), weights)
     # By terms, in the mesh's own axes
     terms = asset.decoded().reshape(6**3, -1) @ asset.basis
     turn = made.placed.world_from_mesh(0.0)[:3, :3] / 1.5
@@ -101,21 +97,6 @@ def test_weights_of_a_receiver_make_of_stored_values_what_its_normal_loses(caste
     np.testing.assert_allclose(
         weights[:, :, 0], made.weights(light, 0.0) / 4 * np.sqrt(4 * np.pi), rtol=1e-10, atol=1e-12
     )
-
-
-def test_a_machine_of_few_uniforms_takes_few_numbers_of_a_receiver(caster):
-    from formats.errors import InputError
-
-    def check(limit, l_max, **shadow):
-        ctx = SimpleNamespace(info={"GL_MAX_FRAGMENT_UNIFORM_COMPONENTS": limit})
-        made = caster(ball_volume(small_box(), grid=4, l_max=l_max), **shadow)
-        casters.check_uniforms(SimpleNamespace(ctx=ctx), made.asset, made.placed)
-
-    # Four textures, three channels: what every card has to take
-    check(1024, 3)
-    check(1024, 5, coloured=False)
-    with pytest.raises(InputError, match="lower components, or write coloured = false"):
-        check(1024, 4)
 
 
 def test_where_no_light_is_nothing_is_hidden(caster):
@@ -183,11 +164,3 @@ def test_the_ends_lie_on_the_longest_axis_in_the_world(caster):
     np.testing.assert_allclose(made.ends(0.0), ends @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-12)
     p = made.ends(0.0) @ made.object_from_world(0.0)[:3, :3].T + made.object_from_world(0.0)[:3, 3]
     np.testing.assert_allclose(p, [[0, -0.5, 0], [0, 0.5, 0]], atol=1e-12)
-
-
-def test_a_volume_too_large_for_the_card_is_told():
-    from formats.errors import InputError
-
-    ctx = SimpleNamespace(info={"GL_MAX_3D_TEXTURE_SIZE": 8})
-    with pytest.raises(InputError, match="lower grid, size or components"):
-        casters.textures(SimpleNamespace(ctx=ctx), ball_volume(small_box(), grid=4), "bust")

@@ -16,11 +16,14 @@ from formats import seal
 from formats.errors import DamagedError, InputError
 from formats.lightmap import Lightmap
 from formats.mesh import Material
+from formats.picture import Picture
 from formats.transfer import Layout, Transfer
 from formats.voxel_world import MODES
 from formats.voxels import Voxels
+from runtime.layers import Layers
 from runtime.passes import fog
 from runtime.player import Player
+from runtime.screen import Screen
 from runtime.shader import Programs, compose
 from tests.runtime import domes, shadow_truth
 
@@ -320,6 +323,25 @@ def shader_files(kit, write_scene, ctx, monkeypatch):
         size=(8, 8),
         context=ctx,
     ).close()
+    # A picture with soft edges, and discs
+    level = np.ones((1, 4, 4, 4), np.float16)
+    picture = Picture((level,), 0.25, (2.0, 4.0), 1.0, 0.0, 0.45)
+    dot = {"name": "dot", "source": "a.png", "height": 1.0, "softness": 0.1}
+    emitter = {"rate": 9, "lifetime": [1, 1], "centre": [0, 0, 0]}
+    embers = {"name": "embers", "emitter": emitter, "look": {"radius": 0.1}}
+    raw = {**scenes["full"], "billboards": [{**dot, "positions": [[0, 0, 0]]}]}
+    raw = {**raw, "particles": [embers]}
+    # Fins, and the coverage that a layer of a frame takes
+    raw |= {"meshes": [{**scenes["full"]["meshes"][0], "silhouette_width": 0.1}]}
+    raw |= {"force": {"silhouette": True}}
+    folder = write_scene(raw, {**assets, "dot": picture}, environment=EVEN, name="pictures")
+    with Player(folder, size=(8, 8), context=ctx) as player:
+        Layers(player, ("coverage",)).take(0.0)
+    # What the window adds: the picture on the screen, and its panel
+    Screen(ctx).release()
+    window = Programs(ctx)
+    window.get(ROOT / "runtime" / "gui.vert", ROOT / "runtime" / "gui.frag")
+    window.release()
     return used
 
 

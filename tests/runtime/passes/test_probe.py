@@ -84,7 +84,9 @@ def project(player, points, time=0.0, l_max=L_MAX):
     return player.passes["probe"].project(np.asarray(points, float), l_max, time)
 
 
-def by_rays(voxels, points, sky=lambda d: np.zeros((len(d), 3)), texels=2, rays=probe.RAYS):
+def by_rays(
+    voxels, points, sky=lambda d: np.zeros((len(d), 3)), texels=2, rays=probe.RAYS, light=1.0
+):
     """The same by rays in float64, through a grid with so much air around that all start inside."""
     placed = at_floor(voxels, (0.0, 0.0, 0.0))
     air = 12
@@ -107,10 +109,10 @@ def by_rays(voxels, points, sky=lambda d: np.zeros((len(d), 3)), texels=2, rays=
         k = np.arange(len(at))
         at[k, face // 2] = hits.cell[k, face // 2] + (face % 2 == 0)
         at = (at - air) * CELL + placed.origin
-        light = FACE_LIGHT[face] + (at @ SLOPE)[:, None]
+        sent = light * (FACE_LIGHT[face] + (at @ SLOPE)[:, None])
         # The side below has no texels
-        light *= ((face != 3) | (hits.cell[:, 1] > air))[:, None]
-        radiance = voxels.albedo[row] / np.pi * light + voxels.emission[row]
+        sent *= ((face != 3) | (hits.cell[:, 1] > air))[:, None]
+        radiance = voxels.albedo[row] / np.pi * sent + voxels.emission[row]
         radiance = np.where(met[:, None], radiance, sky(directions))
         found.append(4 * np.pi / rays * Y.T @ radiance)
     return np.array(found)
@@ -124,7 +126,7 @@ def _without(solid, cell):
 
 def test_every_ray_finds_the_light_of_its_texel(playing, rng):
     """In the air, between cells, in a wall; and outside on all sides, above and below."""
-    voxels = world(scattered(rng), (51 / 255, 1.0, 0.2))
+    voxels = world(scattered(rng))
     player = playing(voxels)
     inside = rng.uniform([-1.9, 0.6, -1.6], [1.9, 2.9, 1.6], (8, 3))
     z, y, x = np.argwhere(voxels.cells[:, 1:] > 0)[3]
@@ -148,6 +150,29 @@ def test_every_ray_finds_the_light_of_its_texel(playing, rng):
     assert np.median(off) < 2 * HALF * np.abs(truth).max()
 
 
+def test_what_glows_is_found_by_places_too(playing, rng):
+    """Against 16 times the rays: with places, few rays miss little of small lanterns."""
+    cells = scattered(rng)
+    cells[cells == 2] = 0
+    cells[2, 3, 2], cells[5, 4, 6] = 2, 2
+    voxels = world(cells, (51 / 255, 1.0, 0.2))
+    dark = lit(voxels)
+    dark = Lightmap(np.zeros_like(dark.irradiance), dark.error, dark.faces)
+    player = playing(voxels, dark)
+    points = rng.uniform([-4.0, 0.6, -4.0], [4.0, 4.0, 4.0], (12, 3))
+    found = project(player, points)
+    truth, few = (by_rays(voxels, points, rays=n, light=0.0) for n in (16384, probe.RAYS))
+    size = np.linalg.norm(truth, axis=(1, 2))
+    own, theirs = (
+        np.sqrt(np.mean((np.linalg.norm(f - truth, axis=(1, 2)) / size)[size > 0] ** 2))
+        for f in (found, few)
+    )
+
+    # Measured: .065 with places, .18 without
+    assert own < 0.1
+    assert theirs > 0.15
+
+
 def test_a_closed_room_is_even(playing):
     cells = np.full((6, 6, 6), 2)
     cells[1:-1, 1:-1, 1:-1] = 0
@@ -156,17 +181,18 @@ def test_a_closed_room_is_even(playing):
     dark = Lightmap(np.zeros_like(dark.irradiance), dark.error, dark.faces)
     points = np.array([[0, 1.5, 0], [0.9, 0.6, -0.9], [-0.3, 2.2, 0.4]])
     found = project(playing(voxels, dark), points)
-    # Radiance E from everywhere: 2 sqrt(pi) E, and nothing else, but for what 1,024 evenly spread
-    # points miss of a polynomial: measured at most 1e-3 of the radiance up to l = 3
+    # Radiance E from everywhere: 2 sqrt(pi) E, and nothing else, but for what both kinds of rays
+    # together miss: measured .0008 of it, and at most .02 of the radiance up to l = 3
     np.testing.assert_allclose(
-        found[:, 0], [2 * np.sqrt(np.pi) * voxels.emission[2]] * 3, rtol=1e-5
+        found[:, 0], [2 * np.sqrt(np.pi) * voxels.emission[2]] * 3, rtol=2e-3
     )
-    assert np.abs(found[:, 1:]).max() < 2e-3
+
+    assert np.abs(found[:, 1:]).max() < 3e-2
     # Walls that hand on light: albedo / pi E more
     even = Lightmap(np.full_like(dark.irradiance, np.pi), dark.error, dark.faces)
     more = project(playing(voxels, even), points)
     expected = 2 * np.sqrt(np.pi) * (voxels.emission[2] + voxels.albedo[2])
-    np.testing.assert_allclose(more[:, 0], [expected] * 3, rtol=HALF)
+    np.testing.assert_allclose(more[:, 0], [expected] * 3, rtol=2e-3)
 
 
 def test_the_sky_shines_past_walls(playing, rng):

@@ -1,0 +1,190 @@
+"""kill -9 at random moments of every bake; then the store is verified and the bake run again."""
+
+from __future__ import annotations
+
+import os
+import random
+import select
+import shutil
+import time
+from collections import Counter
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from bake import publish
+from bake.store import Store
+from pipelines import deliver
+from tests.hard_crash import forks
+from tests.hard_crash.subjects import Subject, leftovers, place_old, tree
+
+PATIENCE = 60.0
+
+
+def prove(subjects: dict[str, Subject], folder: Path, kills: int, seed: int = 1) -> dict[str, Any]:
+    """Kill bakes; return counts of what went wrong, which must all be 0, and of what was hit.
+
+    Half of the kills come at any moment of a bake, half while something is written, which takes
+    but a small share of the time. Every fifth bake is killed again while it is resumed.
+    """
+    wrong: Counter[str] = Counter(dict.fromkeys(WRONG, 0))
+    hit: Counter[str] = Counter()
+    faults: list[str] = []
+    rng = random.Random(seed)
+    names = list(subjects)
+    truth = {
+        name: _truth(subjects[name], folder / "truth" / str(n)) for n, name in enumerate(names)
+    }
+    for trial in range(kills):
+        name = names[trial % len(names)]
+        build = folder / "killed"
+        place_old(build / "scenes" / name)
+        kill = partial(
+            _kill, subjects[name], build, rng, truth[name], bool(trial // len(names) % 2)
+        )
+        for _ in range(2 if trial % 5 == 4 else 1):
+            state = kill()
+            hit[state] += 1
+        before = dict(wrong)
+        hit["no folder for a moment"] += _check(
+            subjects[name], build, truth[name]["tree"], wrong, faults
+        )
+        if wrong != before and len(faults) < 5:
+            faults.append(f"{name}, trial {trial}, killed {state}")
+        shutil.rmtree(build)
+    return {"kills": kills, "wrong": dict(wrong), "hit": dict(hit), "faults": faults}
+
+
+WRONG = ("damaged names", "failed resumes", "bytes that differ", "temporaries left", "warnings")
+
+
+def _truth(subject: Subject, build: Path) -> dict[str, Any]:
+    """Bake without a kill, twice, in children: bytes, seconds, and when writing begins."""
+
+    def timed() -> dict[str, Any]:
+        moments: list[float] = []
+        tell(lambda: moments.append(time.perf_counter() - begin))
+        begin = time.perf_counter()
+        subject.run(build)
+        return {"seconds": time.perf_counter() - begin, "moments": moments}
+
+    forks.value(timed)
+    found: dict[str, Any] = {"tree": tree(build)}
+    shutil.rmtree(build)
+    found |= forks.value(timed)
+    if tree(build) != found["tree"]:
+        raise RuntimeError(f"{subject.name} is not the same twice")
+    shutil.rmtree(build)
+    return found
+
+
+def tell(note: Callable[[], None]) -> None:
+    """Let the store and the delivery call `note` where they begin to write, in this process."""
+    name, fill = publish.temporary, deliver.copy
+
+    def temporary(parent: Path, label: str) -> Path:
+        note()
+        return name(parent, label)
+
+    def copy(source: Path, target: Path) -> None:
+        note()
+        fill(source, target)
+
+    publish.temporary, deliver.copy = temporary, copy
+
+
+def _kill(
+    subject: Subject, build: Path, rng: random.Random, truth: dict[str, Any], writing: bool
+) -> str:
+    """Start a bake and kill it; return what it was at."""
+    read, write = os.pipe()
+
+    def bake() -> None:
+        tell(lambda: os.write(write, b".") and None)
+        subject.run(build, say=lambda text: None)
+
+    child = forks.start(bake)
+    os.close(write)
+    if writing:
+        for _ in range(rng.randint(1, max(1, len(truth["moments"])))):
+            select.select([read], [], [], PATIENCE)
+            os.read(read, 1)
+        # Files of a tiny entry are written and flushed in some milliseconds
+        time.sleep(rng.uniform(0, 0.012))
+    else:
+        time.sleep(rng.uniform(0, 1.1 * truth["seconds"]))
+    child.kill()
+    ended = child.end()
+    os.close(read)
+    if "killed" not in ended:
+        return "ended already"
+    return "writing" if leftovers(build) else "working"
+
+
+def _check(
+    subject: Subject,
+    build: Path,
+    truth: dict[str, str],
+    wrong: Counter[str],
+    faults: list[str],
+) -> bool:
+    """Look at what a kill left, resume, look again; return whether there was no folder between."""
+    build.mkdir(parents=True, exist_ok=True)
+    damaged = forks.value(
+        lambda: [str(finding.path) for finding in Store(build / "store").verify()]
+    )
+    wrong["damaged names"] += bool(damaged)
+    # What has its final name is as it would be at the end
+    visible = {k: v for k, v in tree(build).items() if ".tmp-" not in k}
+    shown = {k: v for k, v in visible.items() if k.startswith("scenes/")}
+    stored = visible.keys() - shown.keys()
+    wrong["bytes that differ"] += any(truth.get(k) != visible[k] for k in stored)
+    wrong["bytes that differ"] += not (len(shown) in (0, 3) or shown.items() <= truth.items())
+    # A day goes by
+    for path in leftovers(build):
+        os.utime(path, (0, 0))
+    said: list[str] = []
+
+    def resume() -> list[str]:
+        subject.run(build, say=said.append) if subject.scene is None else subject.run(build)
+        return said
+
+    ended = forks.ended(resume)
+    wrong["failed resumes"] += "value" not in ended
+    wrong["warnings"] += bool(ended.get("value"))
+    if "value" not in ended:
+        faults.append(str(ended)[-400:])
+    wrong["bytes that differ"] += tree(build) != truth
+    wrong["temporaries left"] += bool(leftovers(build))
+    return not shown
+
+
+def control(subject: Subject, folder: Path, kills: int, seed: int = 1) -> int:
+    """Kill bakes whose store writes in place; return how many names were found damaged.
+
+    It must not be 0: the proof above can fail.
+    """
+    rng, found = random.Random(seed), 0
+    truth = _truth(subject, folder / "truth")
+    for _ in range(kills):
+        build = folder / "in place"
+        _kill(Subject(subject.name, partial(_in_place, subject)), build, rng, truth, True)
+        build.mkdir(parents=True, exist_ok=True)
+        found += forks.value(lambda build=build: len(Store(build / "store").verify()))
+        shutil.rmtree(build)
+    return found
+
+
+def _in_place(subject: Subject, store: Store) -> Any:
+    """Bake as a store would that gives names first and writes then."""
+    told = publish.temporary
+
+    def final(parent: Path, label: str) -> Path:
+        told(parent, label)
+        return parent / f"in.place-{label}"
+
+    publish.temporary = final
+    publish.publish = lambda folder, final: True
+    publish.discard = lambda folder: None
+    return subject.bake(store)
