@@ -23,8 +23,8 @@ PRIORS = {
     "transfer": ("rays", Law(0.035, 0.4, 0.75), 256),
     "lightmap": ("rays", Law(0.0, 0.9, 0.65), 1024),
 }
-"""Knob, law and usual count of each kind where nothing was probed: medians over meshes of ours at
-the usual terms and bands. An asset's own law lies between half and twice of it."""
+"""Knob, law and usual count of each kind where nothing was probed: rough numbers of meshes of
+ours at the usual terms and bands, set by hand; `plan` says that they are no more."""
 
 
 def keep(build_folder: Path, scene: Scene, asset: str, prices: Prices) -> None:

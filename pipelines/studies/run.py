@@ -43,6 +43,8 @@ QUESTIONS = (
     "gather_modes",
     "voxel_storage",
 )
+LONG = ("price",)
+"""Only where they are named: they bake for ten minutes and more."""
 KINDS = {
     ".lp": "photographs",
     ".vox": "voxels",
@@ -84,7 +86,7 @@ def run(
         listed(console, as_json)
         return
     for name in questions:
-        if name not in QUESTIONS:
+        if name not in (*QUESTIONS, *LONG):
             raise InputError(
                 "study", "question", name, f"choose from {', '.join(QUESTIONS)}, or list"
             )
@@ -104,9 +106,13 @@ def run(
 def listed(console: Any, as_json: bool) -> None:
     """Print names, questions, and what each takes as source."""
     if as_json:
-        print(json.dumps({n: {"asks": asked(n), "takes": takes(n)} for n in QUESTIONS}, indent=1))
+        print(
+            json.dumps(
+                {n: {"asks": asked(n), "takes": takes(n)} for n in (*QUESTIONS, *LONG)}, indent=1
+            )
+        )
         return
-    for name in QUESTIONS:
+    for name in (*QUESTIONS, *LONG):
         own = f"  [dim]--source: {', '.join(takes(name))}[/dim]" if takes(name) else ""
         console.print(f"[bold]{name}[/bold]  {asked(name)}{own}", highlight=False)
 
@@ -200,7 +206,7 @@ def run_one(
 
 def together(out: Path) -> Path | None:
     """Put the page of all answers that lie in a folder together; return its path, if any do."""
-    found = [(name, kept.read(out, name)) for name in QUESTIONS]
+    found = [(name, kept.read(out, name)) for name in (*QUESTIONS, *LONG)]
     parts = [
         (name, str(told["answer"]), kept.part_of(out, name).read_text(encoding="utf-8"))
         for name, told in found
