@@ -23,9 +23,17 @@ def context() -> Any:
     from runtime.capture import make_context
 
     made = make_context()
-    # A context without a surface has no default framebuffer, and draws nowhere without one
-    made.simple_framebuffer((1, 1)).use()
+    made.extra["nowhere"] = made.simple_framebuffer((1, 1))
     return made
+
+
+def current() -> Any:
+    """Return the context, current. Without a surface it has no default framebuffer, and draws
+    nowhere without one: whatever other cells left bound or freed, one is bound."""
+    ctx = context()
+    ctx.__enter__()
+    ctx.extra["nowhere"].use()
+    return ctx
 
 
 def evaluated(
@@ -34,8 +42,7 @@ def evaluated(
     """Run a GLSL expression once a vertex; returns (n,) or (n, parts)."""
     from runtime.shader import compose
 
-    ctx = context()
-    ctx.__enter__()
+    ctx = current()
     declared, content = [], []
     for name, given in inputs.items():
         values = np.ascontiguousarray(given)
@@ -200,8 +207,7 @@ def _levels(size: tuple[int, int], kind: type) -> list[NDArray[Any]]:
 def _uploaded(levels: list[NDArray[Any]]) -> Result:
     from runtime import upload
 
-    ctx = context()
-    ctx.__enter__()
+    ctx = current()
     texture = upload.texture_array(ctx, levels)
     found = [equal(upload.read_level(ctx, texture, n), level) for n, level in enumerate(levels)]
     texture.release()
@@ -228,8 +234,7 @@ def gathered(world: Any, side: int, passes: int, **knobs: Any) -> NDArray[np.flo
     from runtime.shader import Programs
     from runtime.voxel_world import VoxelVolume
 
-    ctx = context()
-    ctx.__enter__()
+    ctx = current()
     faces = voxel_faces.layout(world.cells, texels=2)
     volume = VoxelVolume(ctx, world, storage="rgba8", gaps=False, brightest=0.0)
     environment = knobs.pop("environment", None)

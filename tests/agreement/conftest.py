@@ -17,7 +17,7 @@ def context():
 
     made = make_context()
     # A context without a surface has no default framebuffer, and draws nowhere without one
-    made.simple_framebuffer((1, 1)).use()
+    made.extra["nowhere"] = made.simple_framebuffer((1, 1))
     yield made
     made.release()
 
@@ -31,6 +31,7 @@ def glsl(context, tmp_path):
     """
     # Players of other tests have made contexts of their own current
     context.__enter__()
+    context.extra["nowhere"].use()
     assert context.error == "GL_NO_ERROR"
 
     def evaluate(libraries, expression, inputs, components=1, defines=None):

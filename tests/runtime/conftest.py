@@ -26,6 +26,7 @@ def context():
     from runtime.capture import make_context
 
     made = make_context()
+    made.extra["nowhere"] = made.simple_framebuffer((1, 1))
     yield made
     made.release()
 
@@ -34,6 +35,8 @@ def context():
 def ctx(context):
     """The context, current, with OpenGL's error state checked before and after the test."""
     with context:
+        # What the test before left bound is freed, and there is no default framebuffer
+        context.extra["nowhere"].use()
         assert context.error == "GL_NO_ERROR"
         yield context
         assert context.error == "GL_NO_ERROR"
