@@ -22,6 +22,15 @@ def context():
     made.release()
 
 
+@pytest.fixture(autouse=True)
+def drawing_nowhere(request):
+    """Bind a framebuffer for each test on the card: what the one before left bound is freed."""
+    if "context" in request.fixturenames:
+        context = request.getfixturevalue("context")
+        context.__enter__()
+        context.extra["nowhere"].use()
+
+
 @pytest.fixture
 def glsl(context, tmp_path):
     """Return evaluate(libraries, expression, inputs, components, defines) -> (n,) or (n, c).
