@@ -1,7 +1,7 @@
 # Everything a checkout can do. `make` alone lists it; each target sets up by itself what it needs.
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help demo bake view test check fuzz hard plant bench study images setup setup-dev clean
+.PHONY: help demo bake view test check window-test fuzz hard plant bench study images setup setup-dev clean
 
 SCENE ?= grove
 SIZE ?= 960x540

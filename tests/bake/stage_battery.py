@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from formats import seal
 from formats.errors import BakelightError
+from pipelines.hard.finite import numbers
 
 Array = NDArray[Any]
 Spoil = Callable[[Array], Array]
@@ -193,7 +194,7 @@ def check(
 
 def require_finite(value: object, where: str = "asset") -> None:
     """Assert that every number reachable through dataclasses, sequences and dicts is finite."""
-    for place, number in _numbers(value, where):
+    for place, number in numbers(value, where):
         assert np.isfinite(number).all(), f"{place} is not finite"
 
 
@@ -235,23 +236,6 @@ def _arrays_of(asset: Any) -> Iterator[tuple[str, Array]]:
             value = getattr(asset, field.name)
             if isinstance(value, np.ndarray):
                 yield field.name, value
-
-
-def _numbers(value: Any, where: str) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, np.ndarray):
-        if value.dtype.kind in "fc":
-            yield where, value
-    elif isinstance(value, float | np.floating):
-        yield where, value
-    elif dataclasses.is_dataclass(value) and not isinstance(value, type):
-        for field in dataclasses.fields(value):
-            yield from _numbers(getattr(value, field.name), f"{where}.{field.name}")
-    elif isinstance(value, dict):
-        for key, item in value.items():
-            yield from _numbers(item, f"{where}[{key!r}]")
-    elif isinstance(value, list | tuple):
-        for n, item in enumerate(value):
-            yield from _numbers(item, f"{where}[{n}]")
 
 
 def _digest(asset: Any) -> str:
