@@ -23,6 +23,7 @@ class Input:
         self._glfw, self._handle, self._window = glfw, handle, window
         self._names, self._panel_keys = _names(glfw), _panel_keys(glfw)
         self._at = (0.0, 0.0)
+        self._beside = False  # was the cursor on the panel when that was drawn last
         self._drag: str | None = None  # who has the button that is down: picture, panel or line
         self._clicked = -1.0
         self._cursors: dict[int, Any] = {}
@@ -61,11 +62,13 @@ class Input:
         """Whether the cursor is on the panel, or on something of it that lies over the picture."""
         window = self._window
         outside = self._at[0] >= window.picture_width
-        return bool(outside or window.io.want_capture_mouse)
+        # What the panel wants is as old as its last frame: a button may go down before the next
+        return bool(outside or (window.io.want_capture_mouse and not self._beside))
 
     def shape(self) -> None:
         """Give the cursor the shape of what it is on."""
         glfw, shape = self._glfw, None
+        self._beside = self._at[0] >= self._window.picture_width
         if self._drag == "line" or (not self._over_panel and self._on_line()):
             shape = glfw.HRESIZE_CURSOR
         elif self._over_panel and imgui.get_mouse_cursor() == imgui.MouseCursor_.text_input:

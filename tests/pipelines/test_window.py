@@ -23,7 +23,7 @@ from tests.pipelines.desk import desk, wait_until
 pytestmark = [
     pytest.mark.gpu,
     pytest.mark.slow,
-    # One run in three waits in vain for a picture after a drag: not yet known why
+    # Apart from the suite: real windows of a busy machine take minutes
     pytest.mark.skipif("BAKELIGHT_WINDOW" not in os.environ, reason="make window-test runs these"),
 ]
 ROOT = Path(__file__).resolve().parents[2]
