@@ -49,7 +49,7 @@ format: packages-dev ## mend formatting, and what lint can mend by itself
 	@$(PY) -m ruff check --quiet --fix .
 
 window-test: setup-dev ## open windows under Xvfb, with real keys and mouse
-	@BAKELIGHT_WINDOW=1 $(PY) -m pytest tests/pipelines/test_window.py $(ARGS)
+	@$(PY) -m pytest tests/pipelines/test_window.py $(ARGS)
 
 fuzz: setup-dev ## read 100,000 damaged files of each kind, and find what is not refused in one line
 	@BAKELIGHT_FUZZ=$${BAKELIGHT_FUZZ:-100000} $(PY) -m pytest tests/fuzz $(ARGS)

@@ -22,6 +22,7 @@ from bake import workers
 from bake.gather import Gathered, Lights, gather, turns_of
 from bake.rays import Hits, RayScene
 from bake.shading import Shading, Surface
+from bake.tiles import kept
 from formats.billboard import Ring
 from formats.coefficients import Coefficients
 from formats.errors import InputError
@@ -120,8 +121,8 @@ def trace(
     spans = [
         (v, a, min(a + TILE, texels)) for v in range(params.views) for a in range(0, texels, TILE)
     ]
-    done = workers.map_tiles(
-        lambda span: _tile(surface, frame, lights, params, span), spans, progress
+    done = kept(
+        lambda span: _tile(surface, frame, lights, params, span), spans, progress, (Tile, Gathered)
     )
     return _assemble([tile for tile in done if tile is not None], mesh, frame, lights, params)
 

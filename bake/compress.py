@@ -32,6 +32,7 @@ Array = NDArray[np.float64]
 
 ENCODINGS = ("talk", "bands")
 LARGEST = 1 << 16  # KiB
+BLOCK = 1 << 15  # voxels that are summed at once
 
 
 @dataclass(frozen=True)
@@ -87,7 +88,7 @@ def _talk(master: OcclusionHarmonics, params: Params) -> Occlusion:
     count = min(params.components, K)
     found = principal_components(terms[outside], count)
     vectors = found.vectors.astype(np.float32)
-    scores = (terms @ vectors.T).reshape(n, n, n, count)
+    scores = scores_of(terms, found.vectors).reshape(n, n, n, count)
     volumes, scales = _stored(scores, params.depth)
     asset = Occlusion(volumes, scales, found.vectors, master.box)
     kept = np.asarray(scores.reshape(-1, count) @ vectors, np.float32)
@@ -103,6 +104,15 @@ def _talk(master: OcclusionHarmonics, params: Params) -> Occlusion:
         "warnings": list(found.warnings),
     }
     return replace(asset, quality=quality)
+
+
+def scores_of(terms: Float, vectors: Array) -> Float:
+    """Return the scores (v, count) of coefficients (v, K) along directions (count, K), summed in
+    double precision: codes must not depend on the kernel of BLAS."""
+    scores = np.empty((len(terms), len(vectors)), np.float32)
+    for a in range(0, len(terms), BLOCK):
+        scores[a : a + BLOCK] = terms[a : a + BLOCK].astype(np.float64) @ vectors.T
+    return scores
 
 
 def _bands(master: OcclusionHarmonics, params: Params) -> Occlusion:

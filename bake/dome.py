@@ -3,7 +3,8 @@
 Some thousand pixels are fitted with smooth hemispherical harmonics; the few colours that keep most
 of their series' energy become the channels, and every pixel is fitted with these, then brought to
 mip levels and codes. Where the pictures have coverage, they are premultiplied, and pixels without
-any have no say. What the report tells is in bake/dome_report.py.
+any have no say. Sums are taken in double precision and rounded once, so that codes do not depend on
+the kernel of BLAS. What the report tells is in bake/dome_report.py.
 
 References
 ----------
@@ -151,13 +152,12 @@ def series_of(photographs: Photographs, train: Indices, knobs: Knobs, pixels: In
     """Return the coefficients (pixels, bands^2, 3) of some pixels."""
     lights, K = photographs.directions[train], knobs.bands**2
     C = np.empty((len(pixels), K, 3), np.float32)
-    matrix = harmonics.fit_weights(lights, knobs.bands, knobs.penalty).matrix.astype(np.float32)
+    matrix = harmonics.fit_weights(lights, knobs.bands, knobs.penalty).matrix
 
     def tile(start: int) -> None:
         x = samples_at(photographs, train, pixels[start : start + WEIGHTED_TILE])
         if knobs.exponent == 0:
-            # Single precision: 72 products round to 1e-6, and a code is 4e-3
-            C[start : start + len(x)] = np.matmul(matrix, x)
+            C[start : start + len(x)] = np.matmul(matrix, x.astype(np.float64))
             return
         weights = dome_knobs.weights_of(x, knobs.exponent)
         fitted = harmonics.fit_each(x, lights, knobs.bands, knobs.penalty, weights)
@@ -189,22 +189,26 @@ def scores_of(
     form += np.diag(~vectors.any(axis=(1, 2)) * 1.0)
     pairs = np.einsum("nci,ncj->nij", given, given)
     flat = given.reshape(-1, count)
-    matrix = np.linalg.solve(pairs.sum(axis=0) + form, flat.T).astype(np.float32).T
-    products = np.ascontiguousarray(pairs.reshape(len(lights), -1).T, np.float32)
-    smooth, rows = form.astype(np.float32)[..., None], flat.astype(np.float32)
+    matrix = np.linalg.solve(pairs.sum(axis=0) + form, flat.T).T
+    # Lower triangles, column after column
+    below = np.concatenate([pairs[:, k:, k].T for k in range(count)])
+    ends = np.cumsum(np.arange(count, 1, -1))
     scores = np.empty((len(pixels), count), np.float32)
 
     def tile(start: int) -> None:
         x = samples_at(photographs, train, pixels[start : start + TILE])
+        own = slice(start, start + len(x))
         if knobs.exponent == 0:
-            np.matmul(x.reshape(len(x), -1), matrix, out=scores[start : start + len(x)])
+            scores[own] = x.reshape(len(x), -1).astype(np.float64) @ matrix
             return
         w = dome_knobs.weights_of(x, knobs.exponent)
         w /= w.mean(axis=1, keepdims=True)
-        normal = (products @ w.T).reshape(count, count, -1) + smooth
         x *= w[..., None]
-        right = np.ascontiguousarray((x.reshape(len(x), -1) @ rows).T)
-        scores[start : start + len(x)] = dome_solve.solved(normal, right).T
+        normal = np.empty((count, count, len(x)), np.float32)
+        for k, column in enumerate(np.split(below @ w.T.astype(np.float64), ends)):
+            normal[k:, k] = column + form[k:, k, None]
+        right = (x.reshape(len(x), -1).astype(np.float64) @ flat).T.astype(np.float32, "C")
+        scores[own] = dome_solve.solved(normal, right).T
 
     workers.map_tiles(tile, range(0, len(pixels), TILE), progress)
     return scores

@@ -19,11 +19,13 @@ from bake.gather import render as lit_by
 from bake.photographs import GRAZING, Photographs
 from bake.rays import RayScene
 from bake.shading import Surface
+from bake.tiles import kept
 from formats.errors import InputError, MachineError
 from formats.mesh import Mesh
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
+Indices = NDArray[np.int64]
 
 TILE = 4096  # texels in work at once a thread
 
@@ -94,30 +96,34 @@ def render(
         size = f"{count} lights on {params.views} views of {frame.width} x {frame.height}"
         remedy = f"lower lights or resolution: over {photographs.MAX_BYTES >> 30} GiB in memory"
         raise MachineError("dome renders", "size", size, remedy)
-    pictures = np.zeros((count, params.views * texels, 3), np.float32)
-    alpha = np.zeros(params.views * texels, np.float32)
     suns = billboard.suns(towards, params.samples, params.sun_diameter)
     sky, share = billboard.sky_of(params.samples, params.sky_fill)
 
-    def tile(span: tuple[int, int, int]) -> None:
+    def tile(span: tuple[int, int, int]) -> tuple[Indices, Float, Float] | None:
         seen = billboard.seen_texels(surface, frame, sprite, span)
         if seen is None:
-            return
+            return None
         which, covered, shading = seen
         turn = billboard.world_from_sprite(span[0], params.views)
         ring, even = (np.ascontiguousarray(d @ turn.T, np.float32) for d in (suns, sky))
-        at = span[0] * texels + which
-        alpha[at] = covered
         made = lit_by(surface.scene, shading, ring, params.samples)
         colours = [c.reshape(params.samples, -1, 3) for c in shading.colours]
         made += fill(surface.scene, shading, even, colours) * np.float32(share / params.samples)
         # A sun of irradiance pi, where shading takes one of 1
-        pictures[:, at] = made * np.float32(np.pi)
+        return span[0] * texels + which, covered, made * np.float32(np.pi)
 
     spans = [
         (v, a, min(a + TILE, texels)) for v in range(params.views) for a in range(0, texels, TILE)
     ]
-    workers.map_tiles(tile, spans, progress)
+    found = kept(tile, spans, progress)
+    pictures = np.zeros((count, params.views * texels, 3), np.float32)
+    alpha = np.zeros(params.views * texels, np.float32)
+    while found:
+        # What has been put in its place is dropped: both together take no more than one
+        if (done := found.pop()) is not None:
+            at, covered, made = done
+            alpha[at] = covered
+            pictures[:, at] = made
     rows = params.views * frame.height
     return Photographs(
         pictures=pictures.reshape(count, rows, frame.width, 3),

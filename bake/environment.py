@@ -40,9 +40,9 @@ def load(path: Path) -> Float:
         raise InputError(path, "", "no such file", "check the path")
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        from formats.files import exr
+        from formats.files import apart
 
-        image = next(iter(exr.read(path).values()))
+        image = next(iter(apart.read_exr(path).values()))
     elif suffix == ".hdr":
         from formats.files import rgbe
 

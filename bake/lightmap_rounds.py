@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from bake import workers
 from bake.lightmap_rays import Run, Tracer
 from bake.lightmap_surface import Surface
+from bake.tiles import once
 from formats.lightmap import Faces, Lightmap
 
 Array = NDArray[np.float64]
@@ -116,23 +117,25 @@ class Gathering:
         for start in range(0, count, step):
             stop = min(start + step, count)
             run = Run(self.sets, start, stop, not self.spread)
-            total += self._batch(run, progress, start / count, stop / count) * (stop - start)
+            part = partial(_scaled, progress, start / count, (stop - start) / count)
+            light, slipped, bounces = once(partial(self._batch, run, part))
+            total += light * (stop - start)
+            self.slipped += slipped
+            self.handed_on = max(self.handed_on, bounces)
+            progress(stop / count)
         return total / count
 
-    def _batch(self, run: Run, progress: workers.Progress, low: float, high: float) -> Array:
-        """Trace and hand on; low, high : progress before and after."""
+    def _batch(self, run: Run, progress: workers.Progress) -> tuple[Array, int, int]:
+        """Trace and hand on. Return light (T, 3), rays that slipped, and how many bounces."""
         tiles = self._tiles(run.count)
-        traced = workers.map_tiles(
-            lambda tile: self.tracer.tile(*tile, run),
-            tiles,
-            lambda f: progress(low + f * (high - low)),
-        )
-        first = np.zeros((len(self.surface) + 1, 3))
-        for (which, _), (found, _, slipped) in zip(tiles, traced, strict=True):
+        traced = workers.map_tiles(lambda tile: self.tracer.tile(*tile, run), tiles, progress)
+        first, slipped = np.zeros((len(self.surface) + 1, 3)), 0
+        for (which, _), (found, _, slips) in zip(tiles, traced, strict=True):
             first[which] = found
-            self.slipped += slipped
+            slipped += int(slips)
         ends = [(which, met) for (which, _), (_, met, _) in zip(tiles, traced, strict=True)]
-        return self._handed_on(first, ends)[:-1]
+        light, bounces = self._handed_on(first, ends)
+        return light[:-1], slipped, bounces
 
     def _tiles(self, count: int) -> list[tuple[NDArray[np.int64], int]]:
         """Share the texels out, all of a tile looking one way."""
@@ -143,16 +146,17 @@ class Gathering:
             found += [(which[i : i + size], face) for i in range(0, len(which), size)]
         return found
 
-    def _handed_on(self, first: Array, ends: list[Ended]) -> Array:
-        """Return light (T + 1, 3) with its bounces. ends : texels, and what their rays met."""
+    def _handed_on(self, first: Array, ends: list[Ended]) -> tuple[Array, int]:
+        """Return light (T + 1, 3) with its bounces, and how many those are. ends : texels, and what
+        their rays met."""
         albedo = np.append(self.surface.albedo, np.zeros((1, 3), np.float32), axis=0)
-        total, last = first.copy(), first
+        total, last, count = first.copy(), first, 0
         limit = MOST if self.bounces < 0 else self.bounces
         for bounce in range(limit if albedo.any() else 0):
             before = last.sum(axis=0)
             last = _bounce(albedo * last, ends)
             total += last
-            self.handed_on = max(self.handed_on, bounce + 1)
+            count = bounce + 1
             now = last.sum(axis=0)
             if not now.any():
                 break
@@ -162,7 +166,7 @@ class Gathering:
             if self.bounces < 0 and np.all(rest * now <= REST * total.sum(axis=0)):
                 total += rest * last
                 break
-        return total
+        return total, count
 
 
 def _scaled(progress: workers.Progress, start: float, length: float, fraction: float) -> None:

@@ -31,7 +31,7 @@ from maths.circular_fit import Fit
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
 
-TILE = 1 << 14  # pixels at once: 1 MB of coefficients of five terms
+TILE = 1 << 12  # pixels at once: 10 MB of a hundred photographs in double precision
 COMPARED = 8  # one pixel of so many is kept for what packing and codes cost
 LEAST_SLOPE = 0.3  # of the heights' spread that azimuths must leave unexplained, for a term in it
 FEWEST_NEAR = 3  # lights near the ring that decide on that term
@@ -190,14 +190,12 @@ def terms_of(
 ) -> Float:
     """Return the coefficients (K, pixels, 3) per unit irradiance. fit : (K, n) of `train`."""
     flat = photographs.pictures.reshape(len(photographs.pictures), -1)
-    # Weights of 0 leave photographs out, where a copy of the rest would take their memory
-    matrix = np.zeros((len(fit), len(flat)), np.float32)
-    matrix[:, train] = fit / np.pi
-    terms = np.empty((len(matrix), flat.shape[1]), np.float32)
+    terms = np.empty((len(fit), flat.shape[1]), np.float32)
 
     def tile(start: int) -> None:
-        # Single precision: a hundred products round to 1e-6, and a code is 4e-3
-        np.matmul(matrix, flat[:, start : start + 3 * TILE], out=terms[:, start : start + 3 * TILE])
+        own = slice(start, start + 3 * TILE)
+        # Summed in double precision: codes must not depend on the kernel of BLAS
+        terms[:, own] = fit @ flat[train, own].astype(np.float64) / np.pi
 
     workers.map_tiles(tile, range(0, flat.shape[1], 3 * TILE), progress)
     return terms.reshape(len(terms), -1, 3)

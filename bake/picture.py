@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bake import mips, workers
 from formats import picture_files
 from formats.errors import InputError
-from formats.files import exr, image
+from formats.files import apart, image
 from formats.picture import Picture
 
 Float = NDArray[np.float32]
@@ -44,7 +44,7 @@ def load(path: Path) -> Float:
     several pictures or shows nothing; what is negative counts as 0, alpha over 1 as 1.
     """
     if path.suffix.lower() == ".exr":
-        parts = exr.read(path)
+        parts = apart.read_exr(path)
         if len(parts) != 1:
             names = ", ".join(parts)
             raise InputError(path, "layers", names, "save one picture, channels RGBA, RGB or Y")

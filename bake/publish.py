@@ -20,6 +20,7 @@ from formats.errors import MachineError
 
 TEMPORARY = ".tmp-"
 BAD = ".bad-"
+TILES = ".tiles-"
 
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
 _REFUSED = (errno.EACCES, errno.EPERM, errno.EROFS, errno.EIO)

@@ -16,7 +16,8 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import interrupts, materials
+from bake import materials
+from formats import interrupts
 from formats.errors import InputError
 from formats.files.glb_buffers import unpack
 from formats.files.reading import refusing

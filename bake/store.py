@@ -4,6 +4,7 @@ An entry is a sealed folder named by its stage and its key, the SHA-256 of `reci
 stage, code, parameters, inputs by content, libraries, class of machine. Keys of earlier entries
 stand for their content, so keys form a Merkle tree. Two processes may bake the same entry at once:
 the first rename wins and the other's result, the same bytes, is dropped; locks only save work.
+What a stage that takes long has finished is kept beside the entries until it is (bake/tiles.py).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import time
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,8 +51,11 @@ def _to_stderr(message: str) -> None:
 class Store:
     """Baked entries in `folder`, which is made if need be.
 
-    say : is told when something damaged is set aside, and when another process is waited for.
+    say : is told when something damaged is set aside, when another process is waited for, and when
+    an interrupted bake goes on.
     patience_seconds : how long to wait for it before baking the same thing alongside.
+    stale_hours, tiles_hours : when what killed processes left is swept, and when what interrupted
+    ones finished.
     Raises MachineError if the folder cannot be made.
     """
 
@@ -61,9 +66,11 @@ class Store:
         say: Callable[[str], None] = _to_stderr,
         patience_seconds: float = 6 * 3600,
         stale_hours: float = 6,
+        tiles_hours: float = 7 * 24,
     ) -> None:
         self.folder = Path(folder).absolute()
-        self.say, self.patience_seconds, self.stale_hours = say, patience_seconds, stale_hours
+        self.say, self.patience_seconds = say, patience_seconds
+        self.stale_hours, self.tiles_hours = stale_hours, tiles_hours
         self._verified: set[Path] = set()
         self._swept = False
         syntax.remember(self.folder / SYNTAX)
@@ -102,16 +109,26 @@ class Store:
             self._require_space(name)
             recipe.require_unedited(stage, inputs)
             assets = self._load(inputs, contents)
-            begin = time.perf_counter()
-            try:
-                kind = stage(*assets, params=params, progress=on_progress or silent)
-            except MemoryError as error:
-                remedy = "lower the resolution or the samples, or close other programs"
-                raise MachineError(name, "memory", "not enough", remedy) from error
-            seconds = time.perf_counter() - begin
+            finished = self.folder / f"{publish.TILES}{key}"
+            work = partial(stage, *assets, params=params, progress=on_progress or silent)
+            kind, seconds = self._finish(work, finished, name)
             recipe.require_unedited(stage, inputs)
             self._publish(kind, path, contents, seconds)
+            publish.discard(finished)
         return Entry(path, key, False, seconds)
+
+    def _finish(self, work: Callable[[], Kind], finished: Path, name: str) -> tuple[Kind, float]:
+        """Run a stage from the tiles in `finished` on; return what it gives, and its seconds."""
+        from bake import tiles
+
+        begin = time.perf_counter()
+        try:
+            with tiles.shelf(finished, name, self.say) as shelf:
+                kind = work()
+        except MemoryError as error:
+            remedy = "lower the resolution or the samples, or close other programs"
+            raise MachineError(name, "memory", "not enough", remedy) from error
+        return kind, shelf.seconds + time.perf_counter() - begin
 
     def verify(self) -> list[Finding]:
         """Check every byte of every entry; return what is damaged or foreign, sorted by path.
@@ -120,9 +137,8 @@ class Store:
         """
         findings = []
         for path in sorted(self.folder.iterdir()):
-            if path.name in (LOCKS, SYNTAX) or path.name.startswith(
-                (publish.TEMPORARY, publish.BAD)
-            ):
+            unserved = (publish.TEMPORARY, publish.BAD, publish.TILES)
+            if path.name in (LOCKS, SYNTAX) or path.name.startswith(unserved):
                 continue
             try:
                 _check(path)
@@ -249,12 +265,18 @@ class Store:
             lock.release(force=True)
 
     def _sweep(self, again: bool = False, dry_run: bool = False) -> list[Path]:
-        """Remove what killed processes left: temporaries hours old whose lock is free."""
+        """Remove what killed processes left: temporaries hours old whose lock is free, and finished
+        tiles that are days old, of an entry that is there or, if `again`, any."""
         if self._swept and not again:
             return []
         self._swept = True
         latest = time.time() - 3600 * self.stale_hours
         old = [p for p in sorted(self.folder.glob(f"{publish.TEMPORARY}*")) if _mtime(p) < latest]
+        baked = {path.name[-64:] for path in self._entries()}
+        latest = time.time() - 3600 * self.tiles_hours
+        for path in sorted(self.folder.glob(f"{publish.TILES}*")):
+            if again or path.name[-64:] in baked or _mtime(path) < latest:
+                old.append(path)
         stale = [path for path in old if not self._is_locked(path.name.split("-")[1])]
         if not dry_run:
             for path in stale:

@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from bake import mesh as meshes
 from bake import subdivision, transfer_gather, transfer_mesh, transfer_rays, workers
 from bake.rays import RayScene
+from bake.tiles import kept
 from bake.transfer_rays import Pattern, Starts
 from formats import transfer as kind
 from formats.errors import InputError
@@ -138,7 +139,7 @@ def vectors(single: Mesh, whole: Mesh, params: Params, progress: workers.Progres
     tiles = [np.arange(a, min(a + step, count)) for a in range(0, count, step)]
     lit = params.mode == "interreflected"
     tracer = _Tracer(scene, single, whole, starts, shape, params.l_max, bounces=lit)
-    done = workers.map_tiles(tracer.tile, tiles, progress)
+    done = kept(tracer.tile, tiles, progress, (_Tile,))
     lost = np.concatenate([tile.lost for tile in done])
     first = clear - lost
     error = float(np.sqrt(np.mean(np.square(np.concatenate([tile.error for tile in done])))))
@@ -146,18 +147,19 @@ def vectors(single: Mesh, whole: Mesh, params: Params, progress: workers.Progres
     hidden = float(np.mean(lost[:, 0], dtype=np.float64) * 2 / np.sqrt(np.pi))
     vectors = first[:, None]
     if lit:
-        vectors = transfer_gather.bounced(first, [tile.seen for tile in done], params.bounces)
+        seen = [transfer_gather.matrices(tile.seen, count) for tile in done]
+        vectors = transfer_gather.bounced(first, seen, params.bounces)
     return Found(vectors, error, hidden, count * params.rays)
 
 
 @dataclass(frozen=True)
 class _Tile:
-    """lost : (v, K).  error : (v,).  seen : three sparse matrices (v, n), one a channel, that turn
-    irradiance at vertices into what the tile's vertices receive after one bounce."""
+    """lost : (v, K).  error : (v,).  seen : arrays of three sparse matrices (v, n), one a channel,
+    that turn irradiance at vertices into what the tile's vertices receive after one bounce."""
 
     lost: Float
     error: Float
-    seen: tuple[Any, ...]
+    seen: tuple[NDArray[Any], ...]
 
 
 @dataclass(frozen=True)
@@ -175,12 +177,14 @@ class _Tracer:
         origins, directions = transfer_rays.rays_of(self.starts, self.shape, vertices)
         if not self.bounces:
             blocked = self.scene.occluded(origins, directions, finite=True)
-            seen: tuple[Any, ...] = ()
+            seen: tuple[NDArray[Any], ...] = ()
         else:
             hits = self.scene.intersect(origins, directions, finite=True)
             blocked = hits.face >= 0
-            seen = transfer_gather.gathered(
-                self.scene, self.single, self.whole, hits, directions, len(vertices)
+            seen = transfer_gather.arrays(
+                transfer_gather.gathered(
+                    self.scene, self.single, self.whole, hits, directions, len(vertices)
+                )
             )
         lost, error = transfer_rays.hidden(self.starts, self.shape, vertices, blocked, self.l_max)
         return _Tile(np.ascontiguousarray(lost.T), error, seen)
@@ -193,7 +197,8 @@ def pack(vectors: Float, params: Params, box: Array) -> tuple[NDArray[Any], Layo
     count = min(params.components, C * K)
     found = principal_components(flat, count)
     scores = np.zeros((n, 4 * -(-count // 4)), np.float32)
-    scores[:, :count] = flat @ found.vectors.T.astype(np.float32)
+    # Summed in double precision: codes must not depend on the kernel of BLAS
+    scores[:, :count] = flat.astype(np.float64) @ found.vectors.T
     scales = np.abs(scores).max(axis=0)
     values = np.asarray(scores / np.where(scales > 0, scales, 1), np.float32)
     codes = encode(values, params.depth)

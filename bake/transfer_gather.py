@@ -52,6 +52,20 @@ def gathered(
     return tuple(matrix(channel) for channel in range(3))
 
 
+def arrays(seen: tuple[Any, ...]) -> tuple[NDArray[Any], ...]:
+    """Return what `gathered` gave as arrays; where its values lie is the same in all matrices."""
+    return (*(matrix.data for matrix in seen), seen[0].indices, seen[0].indptr)
+
+
+def matrices(seen: tuple[NDArray[Any], ...], count: int) -> tuple[Any, ...]:
+    """Return the matrices (v, count) that `arrays` took apart."""
+    from scipy.sparse import csr_array
+
+    *values, columns, starts = seen
+    shape = (len(starts) - 1, count)
+    return tuple(csr_array((value, columns, starts), shape=shape) for value in values)
+
+
 def bounced(first: Float, seen: list[tuple[Any, ...]], bounces: int) -> Float:
     """Return vectors (n, 3, K): direct light and that of some bounces."""
     from scipy.sparse import vstack

@@ -87,14 +87,14 @@ class Pattern:
     """directions : (N, 3) float32 about +z.  basis : (K, N), harmonics times pi / N."""
 
     directions: Float
-    basis: Float
+    basis: Array
 
 
 def pattern(rays: int, l_max: int) -> Pattern:
     """Return the rays that all vertices share, and their harmonics."""
     directions = spiral(rays)
     basis = spherical_harmonics.evaluate(directions, l_max).T * (np.pi / rays)
-    return Pattern(directions.astype(np.float32), basis.astype(np.float32))
+    return Pattern(directions.astype(np.float32), np.ascontiguousarray(basis))
 
 
 def rays_of(starts: Starts, shape: Pattern, vertices: Indices) -> tuple[Float, Float]:
@@ -114,11 +114,11 @@ def hidden(
 ) -> tuple[Float, Float]:
     """Return (K, v) of what hits (N v,) hide of the clamped cosine, and its standard error."""
     n, v = len(shape.directions), len(vertices)
-    seen, half = hits.reshape(n, v).astype(np.float32), (n + 1) // 2
+    seen, half = hits.reshape(n, v).astype(np.float64), (n + 1) // 2
     one = shape.basis[:, :half] @ seen[:half]
     two = shape.basis[:, half:] @ seen[half:]
     around = starts.around[vertices]
-    whole = occlusion_rays.turned(one + two, around, l_max)
+    whole = occlusion_rays.turned(one + two, around, l_max).astype(np.float32)
     return whole, np.sqrt(np.mean(np.square(one - two), axis=0)).astype(np.float32)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from typing import TypeVar
 
-from bake import interrupts
+from formats import interrupts
 
 Tile = TypeVar("Tile")
 Result = TypeVar("Result")

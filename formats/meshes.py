@@ -2,6 +2,7 @@
 """Meshes that stand in a scene as they are: opaque surfaces under the scene's lights."""
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -34,11 +35,19 @@ class Shadow:
     l_max: int = item(
         "integer",
         "highest band of spherical harmonics; bands: 7 for 512 KiB, 5 for 128",
-        4,
+        None,
         low=0,
         high=8,
+        by_quality=(4, 4, 5, 8),
     )
-    components: int = item("integer", "numbers a voxel of talk, four a texture", 16, low=1, high=48)
+    components: int = item(
+        "integer",
+        "numbers a voxel of talk, four a texture",
+        None,
+        low=1,
+        high=48,
+        by_quality=(16, 16, 32, 48),
+    )
     encoding: Literal["talk", "bands"] = item(
         "text",
         "talk: the main components of each voxel; bands: every harmonic, on two coarser grids",
@@ -52,7 +61,7 @@ class Shadow:
         None,
         low=16,
         high=65536,
-        by_quality=(256, 1024, 2048, 4096),
+        by_quality=(128, 256, 512, 1024),
     )
     coloured: bool = item("flag", "each channel by its own light; false: by luminance", True)
     falloff: bool = item("flag", "thins beyond the volume; false: as at its edge", True)
@@ -80,8 +89,17 @@ class Shadow:
 class TransferKnobs:
     """What each vertex makes of light from every direction, where `lighting` is transfer."""
 
-    l_max: int = item("integer", "highest band of spherical harmonics", 4, low=0, high=8)
-    rays: int = item("integer", "rays of a vertex", 256, low=2, high=65536)
+    l_max: int = item(
+        "integer",
+        "highest band of spherical harmonics",
+        None,
+        low=0,
+        high=8,
+        by_quality=(4, 6, 6, 8),
+    )
+    rays: int = item(
+        "integer", "rays of a vertex", None, low=2, high=65536, by_quality=(64, 256, 512, 1024)
+    )
     bounces: int = item("integer", "of light from the mesh to itself", 2, low=0, high=64)
     edge: float = item(
         "number",
@@ -90,7 +108,14 @@ class TransferKnobs:
         low=0,
         high=1,
     )
-    components: int = item("integer", "numbers a vertex, in fours", 24, low=1, high=32)
+    components: int = item(
+        "integer",
+        "numbers a vertex, in fours",
+        None,
+        low=1,
+        high=32,
+        by_quality=(24, 24, 32, 32),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,11 +184,19 @@ def shown(scene: Any) -> tuple[PlacedMesh, ...]:
 
 
 def complete(mesh: PlacedMesh, quality: int) -> PlacedMesh:
-    """Fill what the shadow leaves open with the numbers of the quality."""
-    if mesh.shadow is None or mesh.shadow.rays is not None:
-        return mesh
-    rays = schema.specs(Shadow)["rays"].by_quality[quality]
-    return dataclasses.replace(mesh, shadow=dataclasses.replace(mesh.shadow, rays=rays))
+    """Fill what shadow and transfer leave open with the numbers of the quality."""
+    transfer = schema.completed(mesh.transfer, quality)
+    shadow = None if mesh.shadow is None else _complete(mesh.shadow, quality)
+    return dataclasses.replace(mesh, transfer=transfer, shadow=shadow)
+
+
+def _complete(shadow: Shadow, quality: int) -> Shadow:
+    """Fill what a shadow leaves open: bands that its rays and its grid have room for."""
+    full = schema.completed(shadow, quality)
+    if shadow.l_max is None:
+        room = min(full.rays, MAX_VALUES // full.grid**3)
+        full = dataclasses.replace(full, l_max=max(0, min(full.l_max, math.isqrt(room) - 1)))
+    return full
 
 
 def check(mesh: PlacedMesh, where: Where) -> None:

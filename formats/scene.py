@@ -227,7 +227,10 @@ class Scene:
     format: int = item("integer", "of this file", low=1, high=FORMAT)
     time: Time = item("table", "length and frame rate", {}, table=Time)
     quality: Literal["draft", "balanced", "fine", "reference"] = item(
-        "text", "sets what a set of billboards leaves open", "balanced", choices=QUALITIES
+        "text",
+        "sets what sprites, shadows, transfer and cubes leave open",
+        "balanced",
+        choices=QUALITIES,
     )
     camera: Camera = item("table", "the camera", table=Camera)
     lights: tuple[Light, ...] = item("tables", "lights", [], tables=LIGHTS)
@@ -278,6 +281,8 @@ def from_dict(
     quality = QUALITIES.index(found.get("quality", "balanced"))
     found["billboards"] = tuple(complete(b, quality) for b in found.get("billboards", ()))
     found["meshes"] = tuple(meshes.complete(m, quality) for m in found.get("meshes", ()))
+    if found.get("voxels") is not None:
+        found["voxels"] = schema.completed(found["voxels"], quality)
     scene = Scene(
         name=name,
         raw=copy.deepcopy(raw),

@@ -49,7 +49,7 @@ class Spec:
     choices: tuple[str, ...] = ()
     table: Any = None
     tables: Mapping[str, Any] = field(default_factory=dict)
-    by_quality: tuple[int, ...] = ()
+    by_quality: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,16 @@ def item(kind: str, doc: str, default: Any = REQUIRED, **options: Any) -> Any:
 def specs(table: Any) -> dict[str, Spec]:
     """The fields of a dataclass that stand in the file."""
     return {f.name: f.metadata["spec"] for f in dataclasses.fields(table) if "spec" in f.metadata}
+
+
+def completed(table: T, quality: int) -> T:
+    """A dataclass whose fields that the file left open have the numbers of a quality."""
+    left = {
+        name: spec.by_quality[quality]
+        for name, spec in specs(table).items()
+        if spec.by_quality and getattr(table, name) is None
+    }
+    return dataclasses.replace(cast(Any, table), **left) if left else table
 
 
 def read(table: type[T], raw: object, where: Where, *, tag: str | None = None) -> T:

@@ -5,7 +5,7 @@ import dataclasses
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from formats.schema import Where, item
 QUALITIES = ("draft", "balanced", "fine", "reference")
 MESHES = (".obj", ".ply", ".stl", ".glb")
 SOURCES = (*MESHES, photograph_files.SUFFIX, *picture_files.SUFFIXES)
+TERMS = 5
+"""Of a ring where nothing has room for more: the talk's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,14 +31,21 @@ class Ring:
     elevation: float = item(
         "number", "of the lights above the plane of the ring", 30.0, unit="deg", low=-85, high=85
     )
-    terms: int = item("integer", "circular harmonics, odd", 5, low=1, high=31)
+    terms: int = item(
+        "integer",
+        "circular harmonics, odd; photographs: 5",
+        None,
+        low=1,
+        high=31,
+        by_quality=(5, 5, 9, 13),
+    )
     lights: int = item(
         "integer",
         "lights on the ring, at least 3 a term",
         None,
         low=3,
         high=4096,
-        by_quality=(24, 48, 64, 128),
+        by_quality=(24, 32, 48, 64),
     )
     tolerance: float = item(
         "number",
@@ -58,14 +67,21 @@ class Dome:
     penalty: float = item(
         "number", "smoothness of the fit; 0 chooses by held-out error", 0.0, low=0, high=100
     )
-    channels: int = item("integer", "numbers a pixel, one of them coverage", 16, low=2, high=64)
+    channels: int = item(
+        "integer",
+        "numbers a pixel, one of them coverage",
+        None,
+        low=2,
+        high=64,
+        by_quality=(8, 16, 24, 32),
+    )
     lights: int = item(
         "integer",
         "lights of a mesh; photographs have their own",
         None,
         low=6,
         high=1024,
-        by_quality=(48, 64, 96, 128),
+        by_quality=(32, 64, 96, 128),
     )
 
 
@@ -115,7 +131,7 @@ class Billboards:
         by_quality=(128, 256, 512, 1024),
     )
     samples: int = item(
-        "integer", "rays a texel", None, low=1, high=4096, by_quality=(4, 16, 36, 144)
+        "integer", "rays a texel", None, low=1, high=4096, by_quality=(4, 8, 16, 36)
     )
     transmission: float = item(
         "number", "share of light that passes through double-sided faces", 0.35, low=0, high=1
@@ -194,17 +210,22 @@ def complete(billboards: Billboards, quality: int) -> Billboards:
     ring, dome = billboards.ring, billboards.dome
     if ring is None and dome is None:
         ring, dome = (None, Dome()) if billboards.photographed else (Ring(), None)
-    if ring is not None and ring.lights is None:
-        lights = max(schema.specs(Ring)["lights"].by_quality[quality], 3 * ring.terms)
-        ring = dataclasses.replace(ring, lights=lights)
-    if dome is not None and dome.lights is None:
-        dome = dataclasses.replace(dome, lights=schema.specs(Dome)["lights"].by_quality[quality])
-    left: dict[str, Any] = {
-        key: spec.by_quality[quality]
-        for key, spec in schema.specs(Billboards).items()
-        if spec.by_quality and getattr(billboards, key) is None
-    }
-    return dataclasses.replace(billboards, ring=ring, dome=dome, **left)
+    ring = None if ring is None else _complete(ring, billboards, quality)
+    dome = None if dome is None else schema.completed(dome, quality)
+    return dataclasses.replace(schema.completed(billboards, quality), ring=ring, dome=dome)
+
+
+def _complete(ring: Ring, billboards: Billboards, quality: int) -> Ring:
+    """Fill what a ring leaves open: terms that its lights and its packing have room for."""
+    full = schema.completed(ring, quality)
+    if ring.terms is None:
+        # Five where the photographs or the talk's own program settle it
+        fixed = billboards.photographed or billboards.packing == "talk"
+        room = max(TERMS, (full.lights // 3 - 1) // 2 * 2 + 1)
+        full = dataclasses.replace(full, terms=TERMS if fixed else min(full.terms, room))
+    if ring.lights is None:
+        full = dataclasses.replace(full, lights=max(full.lights, 3 * full.terms))
+    return full
 
 
 # What a bake of a mesh is told and photographs have settled

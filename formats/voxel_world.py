@@ -78,7 +78,12 @@ class VoxelWorld:
         choices=MODES,
     )
     error: float = item(
-        "number", "at which light has settled, RMS, as a share", 0.02, low=1e-3, high=1.0
+        "number",
+        "at which light has settled, RMS, as a share",
+        None,
+        low=1e-3,
+        high=1.0,
+        by_quality=(0.05, 0.02, 0.01, 0.004),
     )
     passes: int = item("integer", "rays a texel and frame while light changes", 8, low=1, high=1024)
     emissive: dict[str, tuple[float, float, float]] = item(

@@ -131,9 +131,9 @@ def light_or_picture(path: Path) -> Diagnosis:
 def _pixels(path: Path) -> Float:
     suffix = path.suffix.lower()
     if suffix == ".exr":
-        from formats.files import exr
+        from formats.files import apart
 
-        return next(iter(exr.read(path).values()))
+        return next(iter(apart.read_exr(path).values()))
     if suffix == ".hdr":
         from formats.files import rgbe
 

@@ -76,9 +76,9 @@ def _ktx2(path: Path) -> dict[str, Any]:
 
 
 def _exr(path: Path) -> dict[str, Any]:
-    from formats.files import exr
+    from formats.files import apart
 
-    return {"parts": {name: list(image.shape) for name, image in exr.read(path).items()}}
+    return {"parts": {name: list(image.shape) for name, image in apart.read_exr(path).items()}}
 
 
 def _hdr(path: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from formats import interrupts
 from runtime import capture, switches, window_open
 from runtime.live import Live, Rebuild, nothing
 from runtime.live import carry as live_carry
@@ -111,6 +112,8 @@ class Window:
         self._unrest = self._stale = False
         self._pace = Pace()
         self._error: str | None = None
+        self.size = self.pixels = (0, 0)  # of the window: units, pixels
+        self._measure()
         self._dress()
         viewer.say = self._say
         self._input = Input(glfw, handle, self)
@@ -122,7 +125,8 @@ class Window:
         from runtime.panel import Panel
 
         self._stale = False
-        self._scale = window_open.scale(self._glfw, self._handle)
+        content, _ = self._glfw.get_window_content_scale(self._handle)
+        self._scale = window_open.scale(content, self.size, self.pixels)
         if self._gui is not None:
             self._gui.release()
         self._gui: Any = Gui(self._ctx, self._scale)
@@ -137,11 +141,15 @@ class Window:
         """Of imgui."""
         return self._gui.io
 
-    @property
-    def size(self) -> tuple[int, int]:
-        """Of the window, units."""
-        width, height = self._glfw.get_window_size(self._handle)
-        return int(width), int(height)
+    def _measure(self) -> None:
+        """Take over the window's size in units and in pixels, both of one moment."""
+        glfw, before = self._glfw, None
+        self.size = glfw.get_window_size(self._handle)
+        # Hands resize it between two calls: the ratio of one size to another would be no density
+        while before != self.size:
+            before = self.size
+            self.pixels = glfw.get_framebuffer_size(self._handle)
+            self.size = glfw.get_window_size(self._handle)
 
     @property
     def picture_width(self) -> int:
@@ -164,7 +172,7 @@ class Window:
         """Stay until the window is closed."""
         glfw, viewer = self._glfw, self.viewer
         self._tell({"event": "opened", "scene": viewer.player.scene.name, "size": self.size})
-        with window_open.interrupts() as ctrl_c:
+        with interrupts.held() as ctrl_c:
             while not (viewer.quitting or ctrl_c.asked or glfw.window_should_close(self._handle)):
                 self._wait()
                 self._input.check()
@@ -172,9 +180,9 @@ class Window:
                 self._follow()
                 viewer.advance(now - self._last)
                 self._last = now
-                pixels = glfw.get_framebuffer_size(self._handle)
-                if min(pixels) > 0 and self._wanted(now):
-                    self._frame(pixels, now)
+                self._measure()
+                if min(self.pixels) > 0 and self._wanted(now):
+                    self._frame(now)
         self._tell({"event": "closed"})
 
     @property
@@ -232,10 +240,11 @@ class Window:
             self._tell({"event": "drawn", **rest, "gl": self._ctx.error})
         return self._moving or self._restless(now) or self.overlay.outdated(now)
 
-    def _frame(self, pixels: tuple[int, int], now: float) -> None:
+    def _frame(self, now: float) -> None:
         if self._stale:
             self._dress()
-        window, viewer, player = self.size, self.viewer, self.viewer.player
+        window, pixels = self.size, self.pixels
+        viewer, player = self.viewer, self.viewer.player
         wide = round(self.picture_width * pixels[0] / max(window[0], 1))
         size = min(max(1, wide), pixels[0]), pixels[1]
         if size != viewer.size:
@@ -262,7 +271,7 @@ class Window:
             self._panel.draw(self.picture_width, PANEL * self._scale, window[1])
         self.overlay.draw(self.picture_width, window[1], window[0], now)
         self._gui.end(screen)
-        self._input.shape()
+        self._input.drawn()
         self._glfw.swap_buffers(self._handle)
 
     def _light_first(self, now: float) -> bool:

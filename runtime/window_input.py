@@ -23,7 +23,8 @@ class Input:
         self._glfw, self._handle, self._window = glfw, handle, window
         self._names, self._panel_keys = _names(glfw), _panel_keys(glfw)
         self._at = (0.0, 0.0)
-        self._beside = False  # was the cursor on the panel when that was drawn last
+        self._moved = False  # the cursor, since the panel was drawn last
+        self._held: list[tuple[Callable[..., None], tuple[Any, ...]]] = []  # input for after that
         self._drag: str | None = None  # who has the button that is down: picture, panel or line
         self._clicked = -1.0
         self._cursors: dict[int, Any] = {}
@@ -31,9 +32,9 @@ class Input:
         for event, react in (
             ("key", self._key),
             ("char", self._char),
-            ("mouse_button", self._button),
-            ("cursor_pos", self._cursor),
-            ("scroll", self._scroll),
+            ("mouse_button", self._in_turn(self._button)),
+            ("cursor_pos", self._in_turn(self._cursor)),
+            ("scroll", self._in_turn(self._scroll)),
             ("framebuffer_size", self._changed),
             ("window_refresh", self._changed),
             ("window_focus", self._focus),
@@ -57,18 +58,36 @@ class Input:
 
         return reacting
 
+    def _in_turn(self, react: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that waits for the next frame where it has to know what is under the
+        cursor: what the panel says of that is as old as its last frame."""
+        asks = react in (self._button, self._scroll)
+
+        def reacting(*said: Any) -> None:
+            if self._held or (asks and self._moved):
+                self._held.append((reacting, said))
+                self._window.stir()
+            else:
+                react(*said)
+
+        return reacting
+
     @property
     def _over_panel(self) -> bool:
         """Whether the cursor is on the panel, or on something of it that lies over the picture."""
         window = self._window
-        outside = self._at[0] >= window.picture_width
-        # What the panel wants is as old as its last frame: a button may go down before the next
-        return bool(outside or (window.io.want_capture_mouse and not self._beside))
+        return bool(self._at[0] >= window.picture_width or window.io.want_capture_mouse)
 
-    def shape(self) -> None:
-        """Give the cursor the shape of what it is on."""
+    def drawn(self) -> None:
+        """Take in what waited for a frame, then give the cursor the shape of what it is on."""
+        self._moved = False
+        held, self._held = self._held, []
+        for react, said in held:
+            self._kept(react)(*said)
+        self._shape()
+
+    def _shape(self) -> None:
         glfw, shape = self._glfw, None
-        self._beside = self._at[0] >= self._window.picture_width
         if self._drag == "line" or (not self._over_panel and self._on_line()):
             shape = glfw.HRESIZE_CURSOR
         elif self._over_panel and imgui.get_mouse_cursor() == imgui.MouseCursor_.text_input:
@@ -134,13 +153,13 @@ class Input:
         window.stir()
         if (x, y) != self._at and self._drag == "picture":
             self._clicked = -1.0
+        self._moved |= (x, y) != self._at
         self._at = (x, y)
         window.io.add_mouse_pos_event(x, y)
         if self._drag == "line":
             window.viewer.wipe.at = min(max(x / max(window.picture_width, 1.0), 0.0), 1.0)
         elif self._drag != "panel":
-            width = self._glfw.get_framebuffer_size(self._handle)[0]
-            density = width / max(window.size[0], 1)
+            density = window.pixels[0] / max(window.size[0], 1)
             window.viewer.cursor(x * density, y * density, self._shifted)
 
     @property

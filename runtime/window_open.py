@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import signal
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from typing import Any
 
@@ -56,36 +52,9 @@ def window(glfw: Any, size: tuple[int, int]) -> Any:
     return handle
 
 
-class Interrupt:
-    """Whether Ctrl-C was asked for."""
+def scale(content: float, size: tuple[int, int], pixels: tuple[int, int]) -> float:
+    """Return window units a unit of the panel: 2 where a dense screen counts pixels.
 
-    asked = False
-
-
-@contextmanager
-def interrupts() -> Iterator[Interrupt]:
-    """Note Ctrl-C, and raise it at the end: inside a callback of glfw an exception gets lost."""
-    noted = Interrupt()
-    main = threading.current_thread() is threading.main_thread()
-    if not main or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield noted
-        return
-
-    def note(number: int, frame: object) -> None:
-        noted.asked = True
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield noted
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-    if noted.asked:
-        raise KeyboardInterrupt
-
-
-def scale(glfw: Any, handle: Any) -> float:
-    """Return window units a unit of the panel: 2 where a dense screen counts pixels."""
-    content, _ = glfw.get_window_content_scale(handle)
-    width, _ = glfw.get_window_size(handle)
-    pixels, _ = glfw.get_framebuffer_size(handle)
-    return max(1.0, round(4 * content * max(width, 1) / max(pixels, 1)) / 4)
+    content : scale of the screen.  size, pixels : of the window, in units and in pixels.
+    """
+    return max(1.0, round(4 * content * max(size[0], 1) / max(pixels[0], 1)) / 4)

@@ -84,8 +84,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "fingerprint",
         "machine",
         "syntax",
-        "interrupts",
         "workers",
+        "tiles",
+        "tile_files",
     ):
         shutil.copy(ROOT / "bake" / f"{name}.py", folder / "bake")
     for name, text in PROJECT.items():

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bake import interrupts, workers
+from bake import workers
+from formats import interrupts
 
 
 @pytest.fixture(autouse=True)

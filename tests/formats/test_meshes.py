@@ -32,16 +32,23 @@ def test_an_encoding_says_how_many_bytes():
     assert read({"encoding": "bands", "size": 128}).bytes == 128 << 10
 
 
-@pytest.mark.parametrize(("quality", "rays"), [("draft", 256), ("balanced", 1024), ("fine", 2048)])
+@pytest.mark.parametrize(("quality", "rays"), [("draft", 128), ("balanced", 256), ("fine", 512)])
 def test_quality_says_how_many_rays(quality, rays):
     assert read({}, quality=quality).rays == rays
     assert read({"rays": 99}, quality=quality).rays == 99
 
 
+def test_quality_asks_for_bands_that_rays_and_grid_have_room_for():
+    assert read({}, quality="reference").l_max == 8
+    assert read({"rays": 50}, quality="reference").l_max == 6  # 49 harmonics
+    assert read({"grid": 128}, quality="reference").l_max == 7
+    assert read({"l_max": 3}, quality="reference").l_max == 3
+
+
 @pytest.mark.parametrize(
     ("shadow", "field"),
     [
-        ({"rays": 24}, "rays"),
+        ({"rays": 24, "l_max": 4}, "rays"),
         ({"grid": 128, "l_max": 8}, "grid"),
         ({"grid": 1}, "grid"),
         ({"components": 0}, "components"),

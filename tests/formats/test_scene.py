@@ -114,9 +114,11 @@ def test_quality_fills_what_is_left_open(file: Path, raw: dict[str, Any]) -> Non
     raw["billboards"][0]["resolution"] = 100
     raw["billboards"][1]["ring"] = {"terms": 31}
     oak, fern = scene.from_dict(raw, where="a.toml", root=None).billboards
-    assert (oak.resolution, oak.samples, fern.resolution) == (100, 36, 512)
-    # Three lights a term are more than the quality's 64
+    assert (oak.resolution, oak.samples, fern.resolution) == (100, 16, 512)
+    # Three lights a term are more than the quality's 48
     assert fern.ring.lights == 93
+    # The quality's 9 terms; of 32 lights 10 have room
+    assert (oak.ring.terms, oak.ring.lights) == (9, 32)
 
 
 def test_the_raw_scene_survives_json_and_is_a_copy(file: Path, raw: dict[str, Any]) -> None:

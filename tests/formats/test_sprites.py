@@ -28,7 +28,7 @@ def refused(root: Path | None = None, **fields: Any) -> InputError:
 def test_a_mesh_gets_a_ring_and_photographs_a_dome() -> None:
     mesh, photographed = one(), one(source="photographs/oak.lp")
     assert mesh.ring is not None
-    assert (mesh.dome, mesh.ring.lights, mesh.ring.terms) == (None, 48, 5)
+    assert (mesh.dome, mesh.ring.lights, mesh.ring.terms) == (None, 32, 5)
     assert not mesh.photographed
     assert photographed.dome is not None
     assert (photographed.ring, photographed.dome.channels) == (None, 16)

@@ -83,6 +83,24 @@ def _plain_png(folder: Path) -> list[bytes]:
     return [*found, deep.getvalue()]
 
 
+def _photographs(folder: Path) -> list[bytes]:
+    """The other pictures that people bring: JPEG, WebP and TIFF."""
+    from PIL import Image
+
+    picture = Image.fromarray(np.rint(pixels(24, 32)[..., :3] * 255).astype(np.uint8))
+    kinds: list[tuple[str, dict[str, Any]]] = [
+        ("JPEG", {"quality": 90}), ("JPEG", {"progressive": True}), ("WEBP", {"lossless": True}),
+        ("WEBP", {"quality": 80}), ("TIFF", {}), ("TIFF", {"compression": "tiff_lzw"}),
+        ("TIFF", {"compression": "tiff_adobe_deflate"}), ("TIFF", {"compression": "jpeg"}),
+    ]  # fmt: skip
+    found = []
+    for kind, options in kinds:
+        stream = io.BytesIO()
+        picture.save(stream, kind, **options)
+        found.append(stream.getvalue())
+    return found
+
+
 def _textures(path: Path, kind: str) -> None:
     codes = np.rint(pixels(16, 16) * 255).astype(np.uint8)
     if kind == "blocks":
@@ -267,6 +285,7 @@ SUBJECTS = {
         lambda p: finite(image.read(p)),
         (*mutations.BINARY, *3 * (mutations.png,)),
     ),
+    "photograph": Subject(".img", _photographs, lambda p: finite(image.read(p))),
     "glb": Subject(
         ".glb", written(_glb), lambda p: glb.read(p), (*mutations.BINARY, *3 * (mutations.glb,))
     ),

@@ -1,8 +1,9 @@
 """Crash safety by numbers: python -m tests.hard_crash [--kills N] [--only NAME,...] ...
 
 Kills, full disks, flipped bits, bakes at once, the order of flushes and the same bits, over all
-stages. Prints each count, with its 95 % bound where it is zero, and writes it as JSON. Ends with 1
-where something went wrong.
+stages. Prints each count, with its 95 % bound where it is zero, and writes it as JSON. Counts are
+kept after each trial: interrupted ones go on, if the code is the same. Ends with 1 where something
+went wrong.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import tempfile
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 from tests.hard_crash import at_once, bits, forks, full_disk, kills, order, same_bits
-from tests.hard_crash.subjects import Subject, subjects, write_sources
+from tests.hard_crash.subjects import Subject, subjects, use_small_tiles, write_sources
+from tests.hard_crash.tally import Note, Proof, Tally
 
+Judge = Callable[[dict[str, Any]], dict[str, Any]]
 ROOT = Path(__file__).resolve().parents[2]
 MOST = 1  # code of difference between kernels
 SHARE = 1e-4  # of texels that differ
@@ -30,6 +32,12 @@ def main() -> int:
     """Run what is asked for; return the exit code."""
     asked = _arguments()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    use_small_tiles()
+    numbers = {k: v for k, v in vars(asked).items() if isinstance(v, int) and k != "again"}
+    kept = asked.output.with_name("crash-tally.json")
+    if asked.again:
+        kept.unlink(missing_ok=True)
+    tally = Tally(kept, numbers)
     with tempfile.TemporaryDirectory(prefix="hard-crash-") as made:
         folder = Path(made)
         write_sources(folder / "sources")
@@ -39,8 +47,8 @@ def main() -> int:
         forks.import_what(imported)
         proofs = _proofs(asked, found, folder)
         results = {
-            name: _timed(name, proof)
-            for name, proof in proofs.items()
+            name: _told(name, tally.count(name, proof), judge)
+            for name, (proof, judge) in proofs.items()
             if not asked.only or name in asked.only.split(",")
         }
     asked.output.parent.mkdir(parents=True, exist_ok=True)
@@ -58,7 +66,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--runs", type=int, default=5, help="with each of 9 settings")
     parser.add_argument("--every", type=int, default=1, help="write of a bake that fails")
     parser.add_argument("--size", type=int, default=8, help="of pictures to compare kernels by")
-    parser.add_argument("--only", default="", help="kills,disk,bits,at-once,order,same,kernels")
+    parser.add_argument(
+        "--only", default="", help="kills,disk,bits,tiles,at-once,order,same,kernels"
+    )
+    parser.add_argument("--again", action="store_true", help="forget what was counted before")
     parser.add_argument("--output", type=Path, default=ROOT / "build/hard/crash.json")
     return parser.parse_args()
 
@@ -70,23 +81,49 @@ def _bake_all(found: dict[str, Subject], build: Path) -> None:
 
 def _proofs(
     asked: argparse.Namespace, found: dict[str, Subject], folder: Path
-) -> dict[str, Callable[[], dict[str, Any]]]:
+) -> dict[str, tuple[Proof, Judge]]:
+    """Return each proof, and how what it gives is judged."""
+    in_tiles = {name: found[name] for name in ("ring", "dome", "occlusion", "transfer")}
+    sources = folder / "sources"
+
+    def kill(begin: int, note: Note) -> dict[str, Any]:
+        result = kills.prove(found, folder, asked.kills, begin, note)
+        trials = max(12, asked.kills // 20)
+        damaged = kills.control(found["dome"], folder / "control", trials)
+        turned = kills.control_of_tiles(in_tiles, folder / "control")
+        result["controls"] = {
+            f"a store that writes in place, of {trials} kills": damaged,
+            f"tiles turned round, of {len(in_tiles)}": len(turned),
+        }
+        return result
+
+    def flip(begin: int, note: Note) -> dict[str, Any]:
+        result = bits.prove(found, folder, asked.flips, begin, note)
+        entries = {name: found[name] for name in ("mesh", "environment")}
+        unseen = bits.prove(entries, folder / "control", 12, verify=lambda path: None)["wrong"]
+        result["controls"] = {"no hash compared, of 12 flips": unseen["verify missed"]}
+        return result
+
     return {
-        "kills": lambda: _kills(found, folder, asked.kills),
-        "disk": lambda: _counted(full_disk.prove(found, folder, asked.every)),
-        "bits": lambda: _bits(found, folder, asked.flips),
-        "at-once": lambda: _counted(at_once.prove(found, folder, asked.trials), factor=2),
-        "order": lambda: _counted(order.prove(found, folder)),
-        "same": lambda: _counted(same_bits.prove(folder / "sources", folder, asked.runs)),
-        "kernels": lambda: _kernels(folder, asked.size),
-    }
+        "kills": (kill, _counted),
+        "disk": (partial(full_disk.prove, found, folder, asked.every), _counted),
+        "bits": (flip, _counted),
+        "tiles": (partial(bits.prove_tiles, in_tiles, folder, asked.flips // 10), _counted),
+        "at-once": (
+            partial(at_once.prove, found, folder, asked.trials), partial(_counted, factor=2)
+        ),
+        "order": (lambda begin, note: order.prove(found, folder), _counted),
+        "same": (lambda begin, note: same_bits.prove(sources, folder, asked.runs), _counted),
+        "kernels": (
+            lambda begin, note: same_bits.kernels(folder / "larger", folder, asked.size), _kernels
+        ),
+    }  # fmt: skip
 
 
-def _timed(name: str, proof: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    begin = perf_counter()
-    result = proof()
-    result["seconds"] = round(perf_counter() - begin, 1)
-    print(f"{name}, {result['seconds']:.0f} s", *result.pop("lines"), sep="\n  ", flush=True)
+def _told(name: str, counts: dict[str, Any], judge: Judge) -> dict[str, Any]:
+    seconds = counts.pop("seconds")
+    result = judge(counts) | {"seconds": seconds}
+    print(f"{name}, {seconds:.0f} s", *result.pop("lines"), sep="\n  ", flush=True)
     return result
 
 
@@ -96,39 +133,20 @@ def _counted(result: dict[str, Any], factor: int = 1) -> dict[str, Any]:
     n = factor * (sum(first.values()) if isinstance(first, dict) else first)
     of = {name: result.get("of", {}).get(name, n) for name in result["wrong"]}
     bounds = {name: 3 / of[name] for name, count in result["wrong"].items() if count == 0}
-    told = [name for name in result if name not in ("wrong", "faults", "of")]
+    told = [name for name in result if name not in ("wrong", "faults", "of", "controls")]
     lines = [f"{name}: {result[name]}" for name in told]
     for name, count in result["wrong"].items():
         bound = f" (95 %: below {bounds[name]:.2g})" if name in bounds else ""
         lines.append(f"{name}: {count} of {of[name]}{bound}")
     lines += result.get("faults", [])
-    holds = not any(result["wrong"].values())
+    controls = result.get("controls", {})
+    lines += [f"control, {name}: {count} found" for name, count in controls.items()]
+    holds = not any(result["wrong"].values()) and all(controls.values())
     return {**result, "n": n, "bounds": bounds, "holds": holds, "lines": lines}
 
 
-def _kills(found: dict[str, Subject], folder: Path, count: int) -> dict[str, Any]:
-    result = _counted(kills.prove(found, folder, count))
-    control = max(12, count // 20)
-    result["control"] = kills.control(found["dome"], folder / "control", control)
-    result["holds"] &= result["control"] > 0
-    told = f"control, a store that writes in place: {result['control']} of {control} damaged"
-    result["lines"].append(told)
-    return result
-
-
-def _bits(found: dict[str, Subject], folder: Path, count: int) -> dict[str, Any]:
-    result = _counted(bits.prove(found, folder, count))
-    entries = {name: found[name] for name in ("mesh", "environment")}
-    missed = bits.prove(entries, folder / "control", 12, verify=lambda path: None)["wrong"]
-    result["control"] = missed["verify missed"]
-    result["holds"] &= result["control"] > 0
-    result["lines"].append(f"control, no hash compared: {result['control']} of 12 missed")
-    return result
-
-
-def _kernels(folder: Path, size: int) -> dict[str, Any]:
+def _kernels(compared: dict[str, Any]) -> dict[str, Any]:
     """Judge lumpy shapes by codes, symmetrical ones by what is shown."""
-    compared = same_bits.kernels(folder / "larger", folder, size)
     lines, holds = [], True
     for name, kernels in compared.items():
         symmetric = name.endswith("of a ball")

@@ -11,12 +11,19 @@ from typing import Any
 
 from bake.store import Store
 from tests.hard_crash import forks
-from tests.hard_crash.subjects import Subject, leftovers, tree
+from tests.hard_crash.subjects import Subject, leftovers, tree, unfinished
+from tests.hard_crash.tally import Note, silent
 
 WRONG = ("failed bakes", "bytes that differ", "temporaries left", "damaged names")
 
 
-def prove(subjects: dict[str, Subject], folder: Path, trials: int) -> dict[str, Any]:
+def prove(
+    subjects: dict[str, Subject],
+    folder: Path,
+    trials: int,
+    begin: int = 0,
+    note: Note = silent,
+) -> dict[str, Any]:
     """Start 2, then 8 processes at one moment on one empty build folder, `trials` times each.
 
     In every second round none waits for another, so that the same names are published at once.
@@ -25,7 +32,8 @@ def prove(subjects: dict[str, Subject], folder: Path, trials: int) -> dict[str, 
     faults: list[str] = []
     names, build = list(subjects), folder / "at once"
     truth: dict[str, dict[str, str]] = {}
-    for trial in range(trials):
+    result: dict[str, Any] = {"trials": 0, "wrong": wrong, "faults": faults}
+    for trial in range(begin, trials):
         subject = subjects[names[trial % len(names)]]
         if subject.name not in truth:
             forks.value(partial(subject.run, build))
@@ -45,10 +53,12 @@ def prove(subjects: dict[str, Subject], folder: Path, trials: int) -> dict[str, 
             wrong["failed bakes"] += bool(bad)
             faults += [f"{subject.name}, {many} at once: {str(each)[-500:]}" for each in bad[:1]]
             wrong["bytes that differ"] += tree(build) != truth[subject.name]
-            wrong["temporaries left"] += bool(leftovers(build))
+            wrong["temporaries left"] += bool(leftovers(build) or unfinished(build))
             wrong["damaged names"] += bool(Store(build / "store").verify())
             shutil.rmtree(build)
-    return {"trials": trials, "wrong": dict(wrong), "faults": faults[:8]}
+        result["trials"] += 1
+        note(trial + 1, result)
+    return result
 
 
 def _after(read: int, write: int, subject: Subject, build: Path, alone: bool) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from bake import recipe
+from bake import recipe, tiles
 from bake.photographs import Photographs
 from bake.store import Store
 from formats import seal
@@ -30,8 +30,9 @@ from formats.occlusion import MASTER, Occlusion, OcclusionHarmonics
 from formats.picture import Picture
 from formats.transfer import Layout, primitives
 from formats.voxels import Voxels
-from tests.hard_crash import forks
+from tests.hard_crash import forks, kills
 from tests.hard_crash.subjects import Subject, tree
+from tests.hard_crash.tally import Note, silent
 
 WRONG = ("verify missed", "a load served other values", "no rebuild", "bytes that differ")
 
@@ -40,6 +41,8 @@ def prove(
     subjects: dict[str, Subject],
     folder: Path,
     flips: int,
+    begin: int = 0,
+    note: Note = silent,
     seed: int = 1,
     verify: Callable[[Path], None] = seal.verify,
 ) -> dict[str, Any]:
@@ -51,16 +54,18 @@ def prove(
     """
     build = folder / "store of all"
     names = [name for name in subjects if subjects[name].scene is None]
-
     for name in names:
         forks.value(partial(subjects[name].run, build))
     wrong: Counter[str] = Counter(dict.fromkeys(WRONG, 0))
     found: Counter[str] = Counter()
-    rng, whole = random.Random(seed), tree(build)
+    again: Counter[str] = Counter()
+    result: dict[str, Any] = {"flips": 0, "wrong": wrong, "found": found, "of": again}
+    whole = tree(build)
     entries = sorted(p for p in (build / "store").iterdir() if not p.name.startswith("."))
     kinds = {entry: json.loads((entry / "report.json").read_bytes())["kind"] for entry in entries}
     values = {entry: forks.value(partial(_digest, entry, kinds[entry])) for entry in entries}
-    for flip in range(flips):
+    for flip in range(begin, flips):
+        rng = random.Random(f"{seed} {flip}")
         entry = entries[flip % len(entries)]
         path = rng.choice(sorted(p for p in entry.iterdir() if p.name != "timings.json"))
         data = path.read_bytes()
@@ -81,13 +86,54 @@ def prove(
             for bad in (build / "store").glob(".bad-*"):
                 shutil.rmtree(bad)
             wrong["bytes that differ"] += tree(build) != whole
+            again.update(WRONG[2:])
         else:
             _write(path, data)
-    again = dict.fromkeys(WRONG[2:], found["baked again"])
-    return {
-        "flips": flips, "entries": len(entries), "wrong": dict(wrong), "found": dict(found),
-        "of": again,
-    }  # fmt: skip
+        result["flips"] += 1
+        note(flip + 1, result)
+    return result
+
+
+def prove_tiles(
+    subjects: dict[str, Subject],
+    folder: Path,
+    flips: int,
+    begin: int = 0,
+    note: Note = silent,
+    seed: int = 1,
+) -> dict[str, Any]:
+    """Flip one bit at a time of what interrupted bakes had finished, and go on with them."""
+    names, left = list(subjects), folder / "interrupted"
+    truth: dict[str, dict[str, str]] = {}
+    wrong: Counter[str] = Counter(dict.fromkeys(WRONG_TILES, 0))
+    result: dict[str, Any] = {"flips": 0, "wrong": wrong}
+    for flip in range(begin, flips):
+        rng, name = random.Random(f"{seed} {flip}"), names[flip % len(names)]
+        if name not in truth:
+            forks.value(partial(subjects[name].run, folder / "whole" / name))
+            truth[name] = tree(folder / "whole" / name)
+            forks.ended(partial(kills.end_at_tiles, subjects[name], left / name))
+        build = folder / "flipped"
+        shutil.copytree(left / name, build)
+        path = rng.choice(sorted(build.rglob(f"*{tiles.SUFFIX}")))
+        data = path.read_bytes()
+        _write(path, _flipped(data, rng.randrange(8 * len(data))))
+        said = forks.value(partial(_said, subjects[name], build))
+        wrong["not told of"] += not any(path.name in text for text in said)
+        wrong["bytes that differ"] += tree(build) != truth[name]
+        shutil.rmtree(build)
+        result["flips"] += 1
+        note(flip + 1, result)
+    return result
+
+
+WRONG_TILES = ("not told of", "bytes that differ")
+
+
+def _said(subject: Subject, build: Path) -> list[str]:
+    said: list[str] = []
+    subject.run(build, say=said.append)
+    return said
 
 
 def _again(subject: Subject, build: Path) -> None:

@@ -13,17 +13,27 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from bake import publish
+from bake import publish, tile_files, tiles
 from bake.store import Store
+from formats.errors import DamagedError
 from pipelines import deliver
 from tests.hard_crash import forks
-from tests.hard_crash.subjects import Subject, leftovers, place_old, tree
+from tests.hard_crash.subjects import Subject, leftovers, place_old, tree, unfinished
+from tests.hard_crash.tally import Note, silent
 
 PATIENCE = 60.0
 
 
-def prove(subjects: dict[str, Subject], folder: Path, kills: int, seed: int = 1) -> dict[str, Any]:
-    """Kill bakes; return counts of what went wrong, which must all be 0, and of what was hit.
+def prove(
+    subjects: dict[str, Subject],
+    folder: Path,
+    kills: int,
+    begin: int = 0,
+    note: Note = silent,
+    seed: int = 1,
+) -> dict[str, Any]:
+    """Kill bakes, from the trial `begin` on; return counts of what went wrong, which must all be 0,
+    and of what was hit.
 
     Half of the kills come at any moment of a bake, half while something is written, which takes
     but a small share of the time. Every fifth bake is killed again while it is resumed.
@@ -31,12 +41,13 @@ def prove(subjects: dict[str, Subject], folder: Path, kills: int, seed: int = 1)
     wrong: Counter[str] = Counter(dict.fromkeys(WRONG, 0))
     hit: Counter[str] = Counter()
     faults: list[str] = []
-    rng = random.Random(seed)
     names = list(subjects)
     truth = {
         name: _truth(subjects[name], folder / "truth" / str(n)) for n, name in enumerate(names)
     }
-    for trial in range(kills):
+    result: dict[str, Any] = {"kills": 0, "wrong": wrong, "hit": hit, "faults": faults}
+    for trial in range(begin, kills):
+        rng = random.Random(f"{seed} {trial}")
         name = names[trial % len(names)]
         build = folder / "killed"
         place_old(build / "scenes" / name)
@@ -47,16 +58,17 @@ def prove(subjects: dict[str, Subject], folder: Path, kills: int, seed: int = 1)
             state = kill()
             hit[state] += 1
         before = dict(wrong)
-        hit["no folder for a moment"] += _check(
-            subjects[name], build, truth[name]["tree"], wrong, faults
-        )
+        _check(subjects[name], build, truth[name]["tree"], wrong, hit, faults)
         if wrong != before and len(faults) < 5:
             faults.append(f"{name}, trial {trial}, killed {state}")
         shutil.rmtree(build)
-    return {"kills": kills, "wrong": dict(wrong), "hit": dict(hit), "faults": faults}
+        result["kills"] += 1
+        note(trial + 1, result)
+    return result
 
 
 WRONG = ("damaged names", "failed resumes", "bytes that differ", "temporaries left", "warnings")
+GOING_ON = "going on with"
 
 
 def _truth(subject: Subject, build: Path) -> dict[str, Any]:
@@ -81,7 +93,7 @@ def _truth(subject: Subject, build: Path) -> dict[str, Any]:
 
 def tell(note: Callable[[], None]) -> None:
     """Let the store and the delivery call `note` where they begin to write, in this process."""
-    name, fill = publish.temporary, deliver.copy
+    name, fill, write = publish.temporary, deliver.copy, tile_files.write
 
     def temporary(parent: Path, label: str) -> Path:
         note()
@@ -91,7 +103,11 @@ def tell(note: Callable[[], None]) -> None:
         note()
         fill(source, target)
 
-    publish.temporary, deliver.copy = temporary, copy
+    def kept(*given: Any) -> int:
+        note()
+        return write(*given)
+
+    publish.temporary, deliver.copy, tile_files.write = temporary, copy, kept
 
 
 def _kill(
@@ -102,7 +118,7 @@ def _kill(
 
     def bake() -> None:
         tell(lambda: os.write(write, b".") and None)
-        subject.run(build, say=lambda text: None)
+        _saying(subject, build, lambda text: None)
 
     child = forks.start(bake)
     os.close(write)
@@ -119,7 +135,14 @@ def _kill(
     os.close(read)
     if "killed" not in ended:
         return "ended already"
+    if any(path.parent.name.startswith(publish.TILES) for path in leftovers(build)):
+        return "writing tiles"
     return "writing" if leftovers(build) else "working"
+
+
+def _saying(subject: Subject, build: Path, say: Callable[[str], None]) -> None:
+    Store.__init__.__kwdefaults__["say"] = say
+    subject.run(build)
 
 
 def _check(
@@ -127,17 +150,19 @@ def _check(
     build: Path,
     truth: dict[str, str],
     wrong: Counter[str],
+    hit: Counter[str],
     faults: list[str],
-) -> bool:
-    """Look at what a kill left, resume, look again; return whether there was no folder between."""
+) -> None:
+    """Look at what a kill left, resume, look again."""
     build.mkdir(parents=True, exist_ok=True)
     damaged = forks.value(
         lambda: [str(finding.path) for finding in Store(build / "store").verify()]
     )
-    wrong["damaged names"] += bool(damaged)
+    wrong["damaged names"] += bool(damaged) or not all(map(_whole, unfinished(build)))
     # What has its final name is as it would be at the end
     visible = {k: v for k, v in tree(build).items() if ".tmp-" not in k}
     shown = {k: v for k, v in visible.items() if k.startswith("scenes/")}
+    hit["no folder for a moment"] += not shown
     stored = visible.keys() - shown.keys()
     wrong["bytes that differ"] += any(truth.get(k) != visible[k] for k in stored)
     wrong["bytes that differ"] += not (len(shown) in (0, 3) or shown.items() <= truth.items())
@@ -147,17 +172,28 @@ def _check(
     said: list[str] = []
 
     def resume() -> list[str]:
-        subject.run(build, say=said.append) if subject.scene is None else subject.run(build)
+        _saying(subject, build, said.append)
         return said
 
     ended = forks.ended(resume)
     wrong["failed resumes"] += "value" not in ended
-    wrong["warnings"] += bool(ended.get("value"))
+    told = [text for text in ended.get("value", ()) if not text.startswith(GOING_ON)]
+    wrong["warnings"] += bool(told)
+    hit["gone on with from tiles"] += len(told) < len(ended.get("value", ()))
     if "value" not in ended:
         faults.append(str(ended)[-400:])
     wrong["bytes that differ"] += tree(build) != truth
-    wrong["temporaries left"] += bool(leftovers(build))
-    return not shown
+    wrong["temporaries left"] += bool(leftovers(build) or unfinished(build))
+
+
+def _whole(folder: Path) -> bool:
+    """Whether each file of finished tiles is as it was written."""
+    try:
+        for path in folder.glob(f"*{tiles.SUFFIX}"):
+            tile_files.read(path, folder.name)
+    except DamagedError:
+        return False
+    return True
 
 
 def control(subject: Subject, folder: Path, kills: int, seed: int = 1) -> int:
@@ -188,3 +224,44 @@ def _in_place(subject: Subject, store: Store) -> Any:
     publish.publish = lambda folder, final: True
     publish.discard = lambda folder: None
     return subject.bake(store)
+
+
+def control_of_tiles(subjects: dict[str, Subject], folder: Path) -> list[str]:
+    """End bakes after their first file of tiles, and go on with what they gave turned round; return
+    the names of those whose bytes differ or that fail, as all should."""
+    found = []
+    for name, subject in subjects.items():
+        build = folder / "turned"
+        truth = _truth(subject, build)["tree"]
+        forks.ended(partial(end_at_tiles, subject, build))
+        ended = forks.ended(partial(_with_turned_tiles, subject, build))
+        if "value" not in ended or tree(build) != truth:
+            found.append(name)
+        shutil.rmtree(build)
+    return found
+
+
+def end_at_tiles(subject: Subject, build: Path) -> None:
+    """Bake in this process until memory runs out after the first file of tiles."""
+    written: list[int] = []
+    write = tile_files.write
+
+    def ending(*given: Any) -> int:
+        written.append(write(*given))
+        if len(written) == 1:
+            raise MemoryError
+        return written[-1]
+
+    tile_files.write = ending
+    _saying(subject, build, lambda text: None)
+
+
+def _with_turned_tiles(subject: Subject, build: Path) -> None:
+    read = tile_files.read
+
+    def turned(*given: Any) -> tuple[dict[str, Any], list[Any]]:
+        head, arrays = read(*given)
+        return head, [array[..., ::-1] for array in arrays]
+
+    tile_files.read = turned
+    _saying(subject, build, lambda text: None)

@@ -21,9 +21,13 @@ from bake import (
     mesh,
     mips,
     occlusion,
+    occlusion_rays,
     photograph_ring,
     picture,
+    publish,
+    tiles,
     transfer,
+    transfer_rays,
     voxels,
 )
 from bake.recipe import Baked, Entry, Source
@@ -108,6 +112,13 @@ def write_sources(folder: Path, size: int = 1) -> None:
     (folder / "pile.vox").write_bytes(vox_bytes.whole(vox_bytes.model((5, 4, 3), kept), palette))
     for name, resolution, blue in (("scene", 16, 3), ("other", 12, 2)):
         (folder / f"{name}.toml").write_text(SCENE.format(resolution=resolution, blue=blue))
+
+
+def use_small_tiles() -> None:
+    """Let stages share their work out in a few tiles and keep each as soon as it is finished."""
+    tiles.EVERY, tiles.PRICE = 0.0, 0
+    billboard.TILE, dome_renders.TILE = 24, 12
+    occlusion_rays.TILE, transfer_rays.TILE = 1024, 512
 
 
 def _write_photographs(folder: Path, side: int) -> None:
@@ -210,14 +221,23 @@ def place_old(folder: Path) -> None:
 
 
 def tree(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file below a build folder but locks and times, by relative name."""
+    """SHA-256 of every file below a build folder but locks, times and finished tiles, by name."""
     return {
         path.relative_to(folder).as_posix(): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name not in UNSEALED and ".locks" not in path.parts
+        if path.is_file() and path.name not in UNSEALED and not _aside(path)
     }
+
+
+def _aside(path: Path) -> bool:
+    return any(part == ".locks" or part.startswith(publish.TILES) for part in path.parts)
 
 
 def leftovers(build: Path) -> list[Path]:
     """Unfinished and set-aside names anywhere in a build folder."""
     return sorted(path for path in build.rglob(".*-*") if path.name.startswith((".tmp-", ".bad-")))
+
+
+def unfinished(build: Path) -> list[Path]:
+    """Folders of finished tiles, whose bake is not."""
+    return sorted((build / "store").glob(f"{publish.TILES}*"))

@@ -26,15 +26,20 @@ PROGRAM = """
 import json, sys
 from pathlib import Path
 from tests.hard_crash import at_once, bits, forks, full_disk, kills, order
-from tests.hard_crash.subjects import subjects, write_sources
+from tests.hard_crash.subjects import subjects, use_small_tiles, write_sources
+use_small_tiles()
 here = Path(sys.argv[1])
 write_sources(here / "sources")
 found = subjects(here / "sources")
 some = {name: found[name] for name in ("voxels", "mesh")}
-forks.import_what(lambda: [each.run(here / "warm") for each in some.values()] and None)
-one = {"mesh": found["mesh"]}
+warm = [*some.values(), found["dome"]]
+forks.import_what(lambda: [each.run(here / "warm") for each in warm] and None)
+one, tiled = {"mesh": found["mesh"]}, {"dome": found["dome"]}
 print(json.dumps({
     "kills": kills.prove(some, here, 6),
+    "kills amid tiles": kills.prove(tiled, here, 4),
+    "turned tiles": kills.control_of_tiles(tiled, here),
+    "bits of tiles": bits.prove_tiles(tiled, here, 3),
     "control of kills": kills.control(found["voxels"], here / "control", 6),
     "full disk": full_disk.prove(one, here, 14),
     "bits": bits.prove(some, here, 12),
@@ -60,7 +65,9 @@ def proofs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return found
 
 
-@pytest.mark.parametrize("name", ["kills", "full disk", "bits", "at once", "order"])
+@pytest.mark.parametrize(
+    "name", ["kills", "kills amid tiles", "full disk", "bits", "bits of tiles", "at once", "order"]
+)
 def test_nothing_goes_wrong(proofs: dict[str, Any], name: str) -> None:
     proof = proofs[name]
     assert not any(proof["wrong"].values()), proof
@@ -68,6 +75,7 @@ def test_nothing_goes_wrong(proofs: dict[str, Any], name: str) -> None:
 
 def test_what_must_be_found_is_found(proofs: dict[str, Any]) -> None:
     assert proofs["control of kills"] > 0
+    assert proofs["turned tiles"] == ["dome"]
     assert proofs["control of bits"]["wrong"]["verify missed"] > 0
 
 

@@ -4,7 +4,7 @@ import signal
 
 import pytest
 
-from bake import interrupts
+from formats import interrupts
 
 
 def _interrupted_inside() -> None:

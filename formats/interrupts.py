@@ -18,10 +18,10 @@ class Held:
 def held() -> Iterator[Held]:
     """Keep Ctrl-C back until the block ends, then raise the KeyboardInterrupt that was asked for.
 
-    For code that swallows exceptions it does not know, and for code that takes locks: Python's own
-    are left locked, or released twice, by an exception out of a signal. In other threads than the
-    main one, which never get the signal, and where the signal means something else, nothing is
-    done.
+    For code that swallows exceptions it does not know, such as a window's callbacks, and for code
+    that takes locks: Python's own are left locked, or released twice, by an exception out of a
+    signal. In other threads than the main one, which never get the signal, and where the signal
+    means something else, nothing is done.
     """
     told = Held()
     main = threading.current_thread() is threading.main_thread()
