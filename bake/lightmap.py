@@ -91,18 +91,19 @@ def gather(
     progress: workers.Progress = workers.silent,
     environment: NDArray[np.float32] | None = None,
     lamps: tuple[Lamp, ...] = (),
+    seed: int = 0,
 ) -> Lightmap:
     """Gather the light of a world on to a layout; faces that are not exposed now get none.
 
     environment : (h, w, 3) lat-long radiance that rays out of the world see; None for black.
-    lamps : lights that are no cells.
+    lamps : lights that are no cells.  seed : of the rays, for those who gather more than once.
     """
     params.check()
     surface = Surface(voxels, faces)
     sky = None if environment is None else params.sky * np.asarray(environment, np.float64)
     others = LampRays(lamps, surface, voxels)
     tracer = Tracer(surface, sky, sample_lights=params.sample_lights, others=others)
-    gathering = Gathering(surface, tracer, params.bounces, params.spread)
+    gathering = Gathering(surface, tracer, params.bounces, params.spread, seed)
     per_set = -(-params.rays // SETS)
     count = min(per_set, FIRST // SETS) if params.target > 0 else per_set
     while True:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from bake.lightmap_surface import Surface
 from bake.reference_lights import BallSampler, DiscSampler, Sampler, SunSampler
 from bake.reference_polygons import PolygonSampler
+from formats.errors import InputError
 from formats.voxel_state import Place
 from formats.voxels import Voxels
 
@@ -41,12 +42,21 @@ class Lamp:
     two_sided: bool = False
     horizon: bool = False
 
+    def check(self) -> None:
+        """Raise InputError where numbers are not finite, or a size is below 0."""
+        places = np.asarray([self.strength, self.place, self.axis, *self.corners], np.float64)
+        if not np.isfinite(places).all() or not 0 <= self.radius < np.inf:
+            found = [*places.ravel().tolist(), self.radius]
+            raise InputError("lightmap", f"light ({self.kind})", found, "give finite numbers")
+
 
 class LampRays:
     """The lights of a world as its texels meet them."""
 
     def __init__(self, lamps: tuple[Lamp, ...], surface: Surface, voxels: Voxels) -> None:
         self._scene = surface.scene
+        for lamp in lamps:
+            lamp.check()
         origin, size = np.asarray(voxels.origin), voxels.cell_size
         self._lights = [
             sampler(lamp, origin, size) for lamp in lamps if np.any(np.asarray(lamp.strength) > 0)

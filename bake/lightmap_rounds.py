@@ -25,6 +25,7 @@ from bake.lightmap_rays import Run, Tracer
 from bake.lightmap_surface import Surface
 from bake.tiles import once
 from formats.lightmap import Faces, Lightmap
+from maths import intervals
 
 Array = NDArray[np.float64]
 Ended = tuple[NDArray[np.int64], NDArray[np.int32]]
@@ -49,12 +50,14 @@ class Gathering:
     """Sums over rounds: mean and variance of the mean (T, 3), weighed by rays.
 
     bounces : how often light is handed on, -1 for all.  spread : False for independent numbers.
+    seed : of the rays.
     """
 
     surface: Surface
     tracer: Tracer
     bounces: int
     spread: bool
+    seed: int = 0
     rays: int = 0
     sets: int = 0
     slipped: int = 0
@@ -66,6 +69,7 @@ class Gathering:
         self.mean = np.zeros((len(self.surface), 3))
         self.variance = np.zeros_like(self.mean)
         self.active = np.flatnonzero(self.surface.atlas >= 0)
+        self.rounds: list[int] = []
 
     def add_round(self, count: int, most: int, progress: workers.Progress) -> None:
         """Gather SETS sets of `count` rays; `most` is the limit, for the progress alone."""
@@ -83,11 +87,17 @@ class Gathering:
         self.variance *= (1 - share) ** 2
         self.variance += share**2 * squares / (SETS * (SETS - 1))
         self.rays += count * SETS
+        self.rounds.append(count)
 
     def relative_error(self) -> float:
         """Standard error over light, both RMS over texels and channels; 0 in the dark."""
         power = float(np.sum(self.mean[self.active] ** 2))
         return float(np.sqrt(self.variance[self.active].sum() / power)) if power > 0 else 0.0
+
+    def degrees(self) -> float:
+        """Degrees of freedom of the variance: its rounds add up by their rays, as the variance of
+        one with n of the N rays counts (n / N)^2 and is as 1 / n where numbers are independent."""
+        return intervals.effective_degrees(self.rounds, SETS - 1)
 
     def result(self, faces: Faces) -> Lightmap:
         """Put the light where the layout has it."""
@@ -104,6 +114,7 @@ class Gathering:
             "bounces": self.handed_on,
             "texels": len(at),
             "relative_error": self.relative_error(),
+            "coverage_factor": intervals.coverage_factor(self.degrees()),
             "rays_walked": self.slipped,
             "mean_irradiance": self.mean[self.active].mean(axis=0),
             "glowing_faces": len(self.tracer.lamps),
@@ -116,7 +127,7 @@ class Gathering:
         step = max(1, min(count, MAX_ENDS // max(1, len(self.active))))
         for start in range(0, count, step):
             stop = min(start + step, count)
-            run = Run(self.sets, start, stop, not self.spread)
+            run = Run((self.seed << 16) + self.sets, start, stop, not self.spread)
             part = partial(_scaled, progress, start / count, (stop - start) / count)
             light, slipped, bounces = once(partial(self._batch, run, part))
             total += light * (stop - start)

@@ -23,11 +23,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import occlusion_inside, occlusion_proof, occlusion_rays, workers
+from bake import occlusion_bars, occlusion_inside, occlusion_proof, occlusion_rays, workers
 from bake.rays import RayScene
 from formats.errors import InputError
 from formats.mesh import Mesh
 from formats.occlusion import Box, OcclusionHarmonics
+from maths import intervals
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -93,8 +94,12 @@ def around(
     *,
     params: Params,
     progress: workers.Progress = workers.silent,
+    seed: int = 0,
 ) -> OcclusionHarmonics:
-    """Trace the volume around a scene of these vertices (n, 3), all in use, and faces (m, 3)."""
+    """Trace the volume around a scene of these vertices (n, 3), all in use, and faces (m, 3).
+
+    seed : of the rays' turns, for those who bake more than once.
+    """
     box, low, high = box_of(vertices)
     low, high = (scene.to_unit(corner).astype(np.float64) for corner in (low, high))
     exact = (box.voxel_centres(params.grid) - scene.centre) * scene.scale
@@ -109,22 +114,25 @@ def around(
     corners = scene.to_unit(vertices).astype(np.float64)
     radius = float(np.linalg.norm(corners - (low + high) / 2, axis=1).max())
     cones = occlusion_rays.cones(exact[outside], low, high, radius)
-    found, rays = _estimate(scene, points[outside], cones, outside, params, progress)
+    places = _Places(points[outside], cones, outside, outside + seed * inside.size)
+    found = _estimate(scene, places, params, progress)
     K, shape = (params.l_max + 1) ** 2, (params.grid,) * 3
     terms, spread = np.zeros((inside.size, K), np.float32), np.zeros(inside.size, np.float32)
     terms[outside] = found.terms
-    spread[outside] = np.sqrt(np.mean(np.square(found.halves), axis=1))
+    spread[outside] = np.sqrt(found.pooled)
     hole = inside.reshape(shape)
     volume = occlusion_inside.filled(terms.reshape(*shape, K), hole)
     proof = occlusion_proof.trace(scene, points, outside, params.proof, params.l_max)
+    sizes = 2 * np.arange(params.l_max + 1) + 1
     pitch = 4 * np.asarray(box.half_extent) * scene.scale / params.grid
     quality = {
-        "rays": int(rays),
+        "rays": found.rays,
         "inside_share": float(np.mean(inside)),
         "oriented": oriented,
         "inverted": occlusion_inside.is_inverted(vertices, faces),
         "thin_share": occlusion_inside.thin_share(scene, pitch, oriented=oriented),
-        "sampling_error": _rms(found.halves),
+        "sampling_error": float(np.sqrt(occlusion_bars.over_bands(found.bands[None])[0])),
+        "coverage_factor": intervals.coverage_factor(),
         "truncation_error": _rms(truncation(found.terms)) / K**0.5,
         "coefficients_rms": _rms(found.terms),
     }
@@ -132,7 +140,7 @@ def around(
         terms=volume,
         inside=hole,
         spread=spread.reshape(shape),
-        error=np.sqrt(np.mean(np.square(found.halves), axis=0)),
+        error=np.repeat(np.sqrt(found.bands), sizes).astype(np.float32),
         box=box,
         proof_voxels=proof.voxels,
         proof_lights=proof.lights,
@@ -181,35 +189,63 @@ def truncation(terms: Float) -> Float:
     return np.asarray(np.sqrt(np.maximum(whole - np.sum(np.square(terms), axis=1), 0)))
 
 
+@dataclass(frozen=True)
+class _Places:
+    """Voxels to trace. points : (v, 3) unit space.  voxels : (v,) flat indices.  keys : (v,) what
+    their random turns hang on."""
+
+    points: Float
+    cones: occlusion_rays.Cones
+    voxels: NDArray[np.int64]
+    keys: NDArray[np.int64]
+
+    def pick(self, which: NDArray[np.int64]) -> _Places:
+        """Return some of them."""
+        cones = self.cones.pick(which)
+        return _Places(self.points[which], cones, self.voxels[which], self.keys[which])
+
+
+@dataclass(frozen=True)
+class _Found:
+    """terms : (v, K).  pooled : (v,) variance of a coefficient, mean over all.  bands :
+    (l_max + 1,) the same by bands, mean over voxels.  rays : that were cast."""
+
+    terms: Float
+    pooled: Array
+    bands: Array
+    rays: int
+
+
 def _estimate(
-    scene: RayScene,
-    points: Float,
-    cones: occlusion_rays.Cones,
-    keys: NDArray[np.int64],
-    params: Params,
-    progress: workers.Progress,
-) -> tuple[occlusion_rays.Estimate, int]:
+    scene: RayScene, places: _Places, params: Params, progress: workers.Progress
+) -> _Found:
     """Trace all voxels, in rounds of more and more rays where the mode is adaptive."""
-    l_max = params.l_max
-    if not params.adaptive:
-        found = occlusion_rays.project(scene, points, cones, keys, params.rays, l_max, progress)
-        return found, occlusion_rays.total_of(cones, params.rays)
-    rounds = [params.rays]
-    while rounds[0] // ROUND >= max(4 * (l_max + 1) ** 2, 2 * occlusion_rays.FEWEST):
+    l_max, rounds = params.l_max, [params.rays]
+    while params.adaptive and rounds[0] // ROUND >= max(
+        4 * (l_max + 1) ** 2, 2 * occlusion_rays.FEWEST
+    ):
         rounds.insert(0, rounds[0] // ROUND)
-    terms, halves = np.zeros((2, len(points), (l_max + 1) ** 2), np.float32)
-    active, total = np.arange(len(points)), 0
+    count = len(places.voxels)
+    terms, pooled = np.zeros((count, (l_max + 1) ** 2), np.float32), np.zeros(count)
+    bands, active, total = np.zeros((count, l_max + 1)), np.arange(count), 0
     for n, rays in enumerate(rounds):
-        part = occlusion_rays.Cones(cones.axis[active], cones.angle[active], cones.share[active])
-        total += occlusion_rays.total_of(part, rays)
-        found = occlusion_rays.project(scene, points[active], part, keys[active], rays, l_max)
-        terms[active], halves[active] = found.terms, found.halves
-        error = np.sqrt(np.sum(np.square(found.halves), axis=1))
+        own = places.pick(active)
+        asked = scene, own.points, own.cones, own.keys, rays
+        watch = workers.silent if len(rounds) > 1 else progress
+        found = occlusion_rays.project(*asked, l_max, watch)
+        scale, more = occlusion_bars.scales(*asked, found)
+        total += occlusion_rays.total_of(own.cones, rays) + more
+        variance = occlusion_bars.variances(found, scale)
+        each = occlusion_bars.pooled(occlusion_bars.over_bands(variance), own.voxels, params.grid)
+        terms[active], bands[active], pooled[active] = found.terms, variance, each
+        if n + 1 == len(rounds):
+            break
+        error = np.sqrt(each * (l_max + 1) ** 2)
         active = active[error > params.adaptive * truncation(found.terms)]
         progress((n + 1) / len(rounds))
         if not len(active):
             break
-    return occlusion_rays.Estimate(terms, halves), total
+    return _Found(terms, pooled, bands.mean(axis=0), total)
 
 
 def _solid(mesh: Mesh) -> tuple[Array, NDArray[np.int64], int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,16 +41,7 @@ def trace(scene: RayScene, points: Float, outside: Indices, count: int, l_max: i
     """
     order = np.argsort(pcg(outside, 0x9400F), kind="stable")
     voxels = np.sort(outside[order[:count]])
-    directions = fibonacci_sphere(RAYS, random_rotation(0x9400F))
-    centres = fibonacci_sphere(LIGHTS, random_rotation(0x11947))
-    cosine = np.cos(np.array(RADII))[:, None, None]
-    member = (centres @ directions.T)[None] >= cosine
-    weights = (member / member.sum(axis=2, keepdims=True)).astype(np.float32)
-    Y = np.asarray(spherical_harmonics.evaluate(directions, l_max), np.float32)
-    # L.U of the mean of Y is 1 / (2 sqrt(pi)) * 2 sqrt(pi) = 1
-    lights = weights @ Y
-    rays = np.ascontiguousarray(directions, np.float32)
-    flat = weights.reshape(-1, RAYS)
+    rays, flat, lights = _lights(l_max)
 
     def seen(tile: Indices) -> Float:
         starts = np.repeat(points[tile], RAYS, axis=0)
@@ -61,3 +53,19 @@ def trace(scene: RayScene, points: Float, outside: Indices, count: int, l_max: i
     hidden = np.concatenate([np.zeros((len(flat), 0), np.float32), *found], axis=1)
     shadow = np.clip(1 - hidden, 0, 1).reshape(len(RADII), LIGHTS, len(voxels))
     return Proof(voxels, lights, shadow)
+
+
+@lru_cache(maxsize=4)
+def _lights(l_max: int) -> tuple[Float, Float, Float]:
+    """Return rays (RAYS, 3), their weights in each light (r m, RAYS), and `Proof.lights`."""
+    directions = fibonacci_sphere(RAYS, random_rotation(0x9400F))
+    centres = fibonacci_sphere(LIGHTS, random_rotation(0x11947))
+    cosine = np.cos(np.array(RADII))[:, None, None]
+    member = (centres @ directions.T)[None] >= cosine
+    weights = (member / member.sum(axis=2, keepdims=True)).astype(np.float32)
+    Y = np.asarray(spherical_harmonics.evaluate(directions, l_max), np.float32)
+    # L.U of the mean of Y is 1 / (2 sqrt(pi)) * 2 sqrt(pi) = 1
+    found = np.ascontiguousarray(directions, np.float32), weights.reshape(-1, RAYS), weights @ Y
+    for values in found:
+        values.setflags(write=False)
+    return found

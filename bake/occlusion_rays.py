@@ -4,8 +4,9 @@ Each voxel has the smallest of three cones that hold the mesh's bounding box. Co
 of falling solid angle; a class has one Fibonacci spiral and its harmonics, evaluated once about +z.
 A voxel's rays are that spiral turned to its own axis, with a spin of its own, so that voxels do not
 share their error; its coefficients are projected about +z and turned the same way, which on the
-harmonics is two constant products and three turns about z. Rays that miss the box are left to
-Embree, which drops one in 40 ns, where a slab test in numpy takes 150 ns for every ray.
+harmonics is two constant products and three turns about z. A turn keeps the sum of squares of each
+band, so that the halves of the rays need none. Rays that miss the box are left to Embree, which
+drops one in 40 ns, where a slab test in numpy takes 150 ns for every ray.
 Products are summed in double precision and rounded once, so that codes do not depend on the kernel
 of BLAS.
 
@@ -43,9 +44,6 @@ SMALLEST = 2.0**-12  # share of the sphere of the smallest cone
 POWER = 0.8
 FEWEST = 32  # rays a voxel
 MARGIN = 1e-3  # radians, what rounding to float32 may lose at a cone's rim
-# Error of a whole spiral over the difference of its halves: measured on a mesh of 70,000 faces, the
-# bar is then 1 to 1.2 times the error for 128 to 2,048 rays
-HALVES = 0.64
 
 
 @dataclass(frozen=True)
@@ -57,14 +55,19 @@ class Cones:
     angle: Array
     share: Array
 
+    def pick(self, which: Indices) -> Cones:
+        """Return the cones of some voxels."""
+        return Cones(self.axis[which], self.angle[which], self.share[which])
+
 
 @dataclass(frozen=True)
 class Estimate:
-    """Occlusion of some voxels. terms : (v, K) coefficients.  halves : (v, K), by how much the two
-    halves of the rays differ, scaled to one standard error."""
+    """Occlusion of some voxels. terms : (v, K) coefficients.  apart : (v, l_max + 1) mean square,
+    over the coefficients of each band, of what one half of the rays brings more than the other:
+    `bake.occlusion_bars` makes errors of it."""
 
     terms: Float
-    halves: Float
+    apart: Float
 
 
 def cones(points: Array, low: Array, high: Array, radius: float) -> Cones:
@@ -137,12 +140,14 @@ def project(
     rays: int,
     l_max: int,
     progress: workers.Progress = workers.silent,
+    *,
+    number: int = 0,
 ) -> Estimate:
     """Trace the rays of voxels at points (v, 3) in unit space; `rays` a whole sphere.
 
-    keys : (v,) numbers that tell voxels apart, for their random turns.
+    keys : (v,) numbers that tell voxels apart, for their random turns; each `number` has its own.
     """
-    around = angles(where, keys, rays)
+    around = angles(where, keys, rays, number)
     pools = []
     for share in np.unique(where.share)[::-1]:
         chosen = np.flatnonzero(where.share == share)
@@ -156,21 +161,22 @@ def project(
 
     def trace(tile: tuple[_Pattern, Indices]) -> tuple[Array, Array]:
         shape, chosen = tile
-        return _halves(scene, points[chosen], shape, around[chosen])
+        one, two = _halves(scene, points[chosen], shape, around[chosen])
+        return one + two, by_bands(np.square(one - two))
 
     found = kept(trace, pools, progress)
     K = (l_max + 1) ** 2
-    both = np.zeros((K, 2, len(points)), np.float32)
-    for (_, chosen), (one, two) in zip(pools, found, strict=True):
-        both[:, 0, chosen], both[:, 1, chosen] = one + two, HALVES * (one - two)
-    terms, halves = np.empty((2, len(points), K), np.float32)
+    upright = np.zeros((K, len(points)), np.float32)
+    apart = np.zeros((len(points), l_max + 1), np.float32)
+    for (_, chosen), (whole, squares) in zip(pools, found, strict=True):
+        upright[:, chosen], apart[chosen] = whole, squares.T
+    terms = np.empty((len(points), K), np.float32)
 
     def turn(part: slice) -> None:
-        own = turned(both[..., part], around[part], l_max)
-        terms[part], halves[part] = own[:, 0].T, own[:, 1].T
+        terms[part] = turned(upright[:, part], around[part], l_max).T
 
     workers.map_tiles(turn, [slice(a, a + CHUNK) for a in range(0, len(points), CHUNK)])
-    return Estimate(terms, halves)
+    return Estimate(terms, apart)
 
 
 @dataclass(frozen=True)
@@ -202,13 +208,19 @@ def _halves(scene: RayScene, origins: Float, shape: _Pattern, around: Array) -> 
     return one, two
 
 
-def angles(where: Cones, keys: Indices, salt: int) -> Array:
+def by_bands(values: Array) -> Array:
+    """Return the means (l_max + 1, v) over each band of values (K, v)."""
+    first = np.arange(round(len(values) ** 0.5)) ** 2
+    return np.asarray(np.add.reduceat(values, first) / (2 * np.sqrt(first) + 1)[:, None])
+
+
+def angles(where: Cones, keys: Indices, salt: int, number: int = 0) -> Array:
     """Return (v, 3) Euler angles Z Y Z that turn +z to each cone's axis, with a random spin.
 
     The axis stands off by as much as the class's cone is wider; where the cone is the whole sphere,
     it points anywhere.
     """
-    a, b, c = (uniform01(keys, salt, i) for i in range(3))
+    a, b, c = (uniform01(keys, salt, 3 * number + i) for i in range(3))
     slack = 2 * np.arcsin(np.sqrt(where.share)) - where.angle - MARGIN
     tilt = np.maximum(slack, 0) * np.sqrt(a)
     x, y = orthonormal_basis(where.axis)

@@ -29,6 +29,7 @@ from bake import (
 from bake.reference_camera import Camera
 from bake.reference_paths import Tracer
 from bake.reference_world import World
+from bake.tiles import kept
 from formats.errors import InputError
 from formats.files import exr
 from formats.scene import Scene
@@ -144,8 +145,11 @@ def render(
     batches, each = layout(params.samples)
     pixels, step = params.width * params.height, max(1, min(PIXELS, PATHS // each))
     spans = [(start, min(start + step, pixels)) for start in range(0, pixels, step)]
-    tiles = workers.map_tiles(
-        lambda span: _tile(tracer, camera, span, batches, each, params.seed), spans, progress
+    tiles = kept(
+        lambda span: _tile(tracer, camera, span, batches, each, params.seed),
+        spans,
+        progress,
+        (Tile,),
     )
     shape = params.height, params.width
 
@@ -193,4 +197,4 @@ def _tile(
     means = np.concatenate(found)
     distance = np.divide(seen, covered, where=covered > 0, out=np.full(n, np.inf))
     error = means.std(axis=0, ddof=1) / np.sqrt(batches)
-    return Tile(means.mean(axis=0), error, distance, covered / (batches * each), rays)
+    return Tile(means.mean(axis=0), error, distance, covered / (batches * each), int(rays))

@@ -119,11 +119,14 @@ class Store:
 
     def _finish(self, work: Callable[[], Kind], finished: Path, name: str) -> tuple[Kind, float]:
         """Run a stage from the tiles in `finished` on; return what it gives, and its seconds."""
+        from threadpoolctl import threadpool_limits  # type: ignore[import-untyped, unused-ignore]
+
         from bake import tiles
 
         begin = time.perf_counter()
         try:
-            with tiles.shelf(finished, name, self.say) as shelf:
+            # The last bits of BLAS depend on its threads; tiles have threads of their own
+            with tiles.shelf(finished, name, self.say) as shelf, threadpool_limits(limits=1):
                 kind = work()
         except MemoryError as error:
             remedy = "lower the resolution or the samples, or close other programs"

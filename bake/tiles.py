@@ -5,8 +5,8 @@ folder named by the key; the next run of the same key finds them. A key holds al
 depends on, so the number of a call and of a tile in it say the rest. A file appears whole or not at
 all, carries its hash, and is believed only if that is right: to lose one costs time, no more.
 
-A file holds some seconds of work, and writing takes at most one part in PRICE of the time. The
-folder takes about MAX_BYTES at most; memory, what the tiles of some seconds give.
+A file holds some seconds of work, and writing takes about one part in PRICE of the time at most.
+The folder takes about MAX_BYTES at most; memory, what tiles gave since the last file.
 """
 
 from __future__ import annotations
@@ -136,12 +136,13 @@ class Shelf:
         if self._full or not batch:
             return
         try:
-            self.folder.mkdir(mode=0o700, exist_ok=True)
+            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
             path = self.folder / f"{secrets.token_hex(8)}{SUFFIX}"
             self._bytes += tile_files.write(path, self.key, seconds, batch)
         except (OSError, BakelightError) as error:
             self._full = True
-            self.say(f"warning: finished tiles are no longer kept: {error}")
+            reason = error.strerror if isinstance(error, OSError) else error.value
+            self.say(f"warning: finished tiles are no longer kept: {reason}")
         self._full |= self._bytes > MAX_BYTES
         self._pause = max(EVERY, PRICE * (perf_counter() - begin))
 

@@ -39,17 +39,18 @@ class Keyed:
 
     def at(self, t: float) -> Any:
         """The value at t seconds: a float for numbers, an array (size,) for vectors."""
-        if self.constant:
-            value = self.values[0]
-        else:
-            value = keyframes.sample(self.times, self.values, t, self.interpolation, self.loop)
+        value = self.values[0] if self.constant else self._curve.at(t)
         return float(value) if self.values.ndim == 1 else np.array(value, dtype=np.float64)
 
     def sampled(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
         """The values at many moments (n,): (n,) or (n, size)."""
         if self.constant:
             return np.broadcast_to(self.values[0], (*times.shape, *self.values.shape[1:]))
-        return keyframes.sample(self.times, self.values, times, self.interpolation, self.loop)
+        return self._curve.at(times)
+
+    @cached_property
+    def _curve(self) -> keyframes.Curve:
+        return keyframes.Curve.of(self.times, self.values, self.interpolation, self.loop)
 
     @cached_property
     def constant(self) -> bool:
@@ -68,5 +69,5 @@ class Keyed:
         share = np.arange(64) / 64
         between = (self.times[:-1, None] + np.diff(self.times)[:, None] * share).ravel()
         moments = np.append(between, self.times[-1])
-        found = keyframes.sample(self.times, self.values, moments, self.interpolation, self.loop)
+        found = self._curve.at(moments)
         return float(np.linalg.norm(found, axis=-1).min())

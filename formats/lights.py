@@ -172,16 +172,20 @@ def _check_outline(outline: Array, where: Where) -> None:
         where.refuse(f"{len(outline)} corners", f"write 3 to {CORNERS}")
     area = vector_area(outline)
     size = float(np.ptp(outline, axis=0).max())
-    if np.linalg.norm(area) < 1e-9 * size * size:
+    if np.linalg.norm(area) <= 1e-9 * size * size:
         where.refuse(outline.tolist(), "write corners that do not lie on one line")
     axis = _unit(area)
     off = np.abs((outline - outline.mean(axis=0)) @ axis).max()
     if off > FLAT * size:
         where.refuse(f"{off:.3g} m out of its plane", "write corners in one plane")
     edges = np.roll(outline, -1, axis=0) - outline
-    turns = np.cross(edges, np.roll(edges, -1, axis=0)) @ axis
+    following = np.roll(edges, -1, axis=0)
+    turns = np.cross(edges, following) @ axis
     if turns.min() < -1e-9 * size * size:
         where.refuse("a corner that points inwards", "write a convex outline, or split it in two")
+    # A star turns left everywhere too, but more than once round
+    if np.arctan2(turns, np.sum(edges * following, axis=1)).sum() > 3 * np.pi:
+        where.refuse("an outline that goes round twice", "write a convex outline, once round")
 
 
 def _unit(vector: Array) -> Array:

@@ -77,8 +77,9 @@ class OcclusionHarmonics:
 
     terms : (n, n, n, K) float32, axes z, y, x, K = (l_max + 1)^2; voxels inside the solid hold what
     their neighbours do.  inside : (n, n, n) bool.  spread : (n, n, n) float32, standard error of
-    the coefficients, RMS over K, 0 inside.  error : (K,) float32, standard error of each
-    coefficient, RMS over the voxels outside.  proof_voxels : (s,) int64 flat indices of voxels
+    each coefficient of a voxel, 0 inside; 95 % intervals reach `maths.intervals.coverage_factor()`
+    of it to each side.  error : (K,) float32, standard error of the coefficients of each band, RMS
+    over the voxels outside.  proof_voxels : (s,) int64 flat indices of voxels
     outside.  proof_lights : (r, m, K) float32, m distant round lights of each of the radii
     `proof_radii` (r,), radians, scaled so that `lights @ terms` is the share hidden.  proof_shadow
     : (r, m, s) float32, the share of each light that each voxel sees, by rays of its own.

@@ -30,7 +30,7 @@ from formats.lights import (
 )
 from formats.meshes import PlacedMesh
 from formats.particles import Particles
-from formats.scene_file import parse
+from formats.scene_file import parse, root_of
 from formats.schema import Where, item
 from formats.sprites import QUALITIES, Billboards, Dome, Ring, check, check_source, complete
 from formats.voxel_world import VoxelWorld
@@ -300,9 +300,8 @@ def _root(file: Path, root: str | Path | None) -> Path:
         if not Path(root).is_dir():
             raise InputError(root, "root", str(root), "name a folder")
         return Path(root)
-    for folder in file.absolute().parents:
-        if folder.name == "scenes":
-            return folder.parent
+    if found := root_of(file):
+        return found
     remedy = (
         "put the scene into a folder named scenes, or name the folder of its sources with --root"
     )

@@ -28,6 +28,11 @@ def parse(path: Path) -> dict[str, Any]:
     return raw
 
 
+def root_of(file: Path) -> Path | None:
+    """The folder in which a scene's sources are looked up: the one that holds scenes/, if any."""
+    return next((f.parent for f in file.absolute().parents if f.name == "scenes"), None)
+
+
 def depth(raw: object) -> int:
     """Levels of nesting; a plain value has none.
 

@@ -130,9 +130,7 @@ class Billboards:
         high=4096,
         by_quality=(128, 256, 512, 1024),
     )
-    samples: int = item(
-        "integer", "rays a texel", None, low=1, high=4096, by_quality=(4, 8, 16, 36)
-    )
+    samples: int = item("integer", "rays a texel", None, low=1, high=4096, by_quality=(4, 8, 8, 36))
     transmission: float = item(
         "number", "share of light that passes through double-sided faces", 0.35, low=0, high=1
     )

@@ -50,13 +50,15 @@ def sun_irradiance(
 
     normal, to_light : (..., 3) unit.  irradiance : a number or (..., c), of a surface that faces
     the light.  angular_radius : (...) radians in [0, pi / 2]; 0 gives `E max(0, n . l)`.
-    Returns (...) or (..., c).
+    Returns (...) or (..., c). Raises ValueError for directions and angles that are none.
 
     >>> float(sun_irradiance([0.0, 1.0, 0.0], [0.0, 0.6, 0.8], 2.0))
     1.2
     """
-    cosine = np.sum(np.asarray(normal, np.float64) * np.asarray(to_light, np.float64), axis=-1)
     radius = np.asarray(angular_radius, np.float64)
+    if not (np.all(np.isfinite(to_light)) and np.all((radius >= 0) & (radius <= np.pi / 2))):
+        raise ValueError("A sun has a finite direction and an angular radius of 0 to pi / 2.")
+    cosine = np.sum(np.asarray(normal, np.float64) * np.asarray(to_light, np.float64), axis=-1)
     return _scaled(cap_cosine(cosine, np.sin(radius), np.cos(radius)), irradiance)
 
 
@@ -67,13 +69,15 @@ def sphere_irradiance(
 
     point, normal, centre : (..., 3), metres; normal unit.  radius : (...) metres; 0 or less gives
     no light.  radiance : a number or (..., c). A point inside has light all around, pi L.
-    Returns (...) or (..., c).
+    Returns (...) or (..., c). Raises ValueError for a place or a radius that is not finite.
 
     >>> float(sphere_irradiance([0.0, 0, 0], [0, 1.0, 0], [0.0, 2, 0], 1.0, 4.0) / np.pi)
     1.0
     """
     offset = np.asarray(centre, np.float64) - np.asarray(point, np.float64)
     R = np.maximum(np.asarray(radius, np.float64), 0.0)
+    if not (np.all(np.isfinite(centre)) and np.all(np.isfinite(R))):
+        raise ValueError("A sphere light has a finite place and a finite radius.")
     distance = np.sqrt(np.sum(offset * offset, axis=-1))
     inside = distance < R
     D = np.where(inside | (distance == 0), 1.0, distance)

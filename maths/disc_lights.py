@@ -54,7 +54,7 @@ def disc_irradiance(
     axis.
     radius : (...) metres; 0 or less gives no light.  radiance : a number or (..., c).  two_sided :
     it shines both ways. Points in the disc's own plane get nothing.
-    Returns (...) or (..., c), W/m^2.
+    Returns (...) or (..., c), W/m^2. Raises ValueError for a disc whose numbers are not finite.
 
     >>> x = disc_irradiance([0.0, 0, 0], [0, 1.0, 0], [0.0, 2, 0], [0, -1.0, 0], 1.0, 1.0)
     >>> round(float(x / np.pi), 15)
@@ -63,6 +63,8 @@ def disc_irradiance(
     c = np.asarray(centre, np.float64) - np.asarray(point, np.float64)
     n, forward = np.asarray(normal, np.float64), np.asarray(axis, np.float64)
     R = np.maximum(np.asarray(radius, np.float64), 0.0)
+    if not all(np.all(np.isfinite(given)) for given in (centre, forward, R)):
+        raise ValueError("A disc light has a finite place, axis and radius.")
     shape = np.broadcast_shapes(c.shape, n.shape, forward.shape, (*R.shape, 3))
     c, n, forward = (np.broadcast_to(x, shape).reshape(-1, 3) for x in (c, n, forward))
     R = np.broadcast_to(R, shape[:-1]).reshape(-1)

@@ -5,6 +5,8 @@ References
 Fritsch, Butland 1984, A Method for Constructing Local Monotone Piecewise Cubic Interpolants.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -31,35 +33,62 @@ def sample(
     >>> sample([0, 1, 2], [0, 1, 0], 2.5, loop=True).tolist()
     0.5
     """
-    when, keyed = _checked(times, values, interpolation)
-    at = np.asarray(t, np.float64)
-    if not np.all(np.isfinite(at)):
-        raise ValueError("Keys are sampled at finite times.")
-    if len(when) == 1:
-        return np.broadcast_to(keyed[0], at.shape + keyed.shape[1:]).copy()
-    # Bring the time into the keys' range
-    period = when[-1] - when[0]
-    # A loop takes whole turns off, so that times in the first one keep every bit
-    at = at - np.floor((at - when[0]) / period) * period if loop else at
-    at = np.clip(at, when[0], when[-1])
-    left = np.clip(np.searchsorted(when, at, side="right") - 1, 0, len(when) - 2)
-    width = when[left + 1] - when[left]
-    fraction = ((at - when[left]) / width).reshape(at.shape + (1,) * (keyed.ndim - 1))
-    a, b = keyed[left], keyed[left + 1]
-    if interpolation == "step":
-        return np.where(fraction >= 1.0, b, a)
-    if interpolation == "linear":
-        # This form gives both keys exactly and stays between them
-        return np.where(fraction < 0.5, a + (b - a) * fraction, b - (b - a) * (1.0 - fraction))
-    # Cubic Hermite in the form a + (b - a) blend + tangents
-    slopes = _tangents(when, keyed, loop)
-    scale = width.reshape(fraction.shape)
-    blend = fraction * fraction * (3.0 - 2.0 * fraction)
-    bend = fraction * (1.0 - fraction) * scale
-    curve = (
-        a + (b - a) * blend + bend * ((1.0 - fraction) * slopes[left] - fraction * slopes[left + 1])
-    )
-    return np.clip(curve, np.minimum(a, b), np.maximum(a, b))
+    return Curve.of(times, values, interpolation, loop).at(t)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """Keys that were checked, to sample often; arguments as of `sample`.
+
+    slopes : (n, ...) at the keys of a smooth curve.
+    """
+
+    times: NDArray[np.float64]
+    values: NDArray[np.float64]
+    interpolation: str
+    loop: bool
+    slopes: NDArray[np.float64] | None
+
+    @classmethod
+    def of(
+        cls, times: ArrayLike, values: ArrayLike, interpolation: str = "linear", loop: bool = False
+    ) -> "Curve":
+        """Check keys. Raises ValueError for keys that are none."""
+        when, keyed = _checked(times, values, interpolation)
+        smooth = interpolation == "smooth" and len(when) > 1
+        return cls(
+            when, keyed, interpolation, loop, _tangents(when, keyed, loop) if smooth else None
+        )
+
+    def at(self, t: ArrayLike) -> NDArray[np.float64]:
+        """Evaluate at times t (...) seconds; see `sample`."""
+        when, keyed, at = self.times, self.values, np.asarray(t, np.float64)
+        if not np.isfinite(at).all():
+            raise ValueError("Keys are sampled at finite times.")
+        if len(when) == 1:
+            return np.broadcast_to(keyed[0], at.shape + keyed.shape[1:]).copy()
+        # Bring the time into the keys' range
+        period = when[-1] - when[0]
+        # A loop takes whole turns off, so that times in the first one keep every bit
+        at = at - np.floor((at - when[0]) / period) * period if self.loop else at
+        at = np.minimum(np.maximum(at, when[0]), when[-1])
+        left = np.minimum(np.maximum(when.searchsorted(at, "right") - 1, 0), len(when) - 2)
+        width = when[left + 1] - when[left]
+        fraction = ((at - when[left]) / width).reshape(at.shape + (1,) * (keyed.ndim - 1))
+        a, b = keyed[left], keyed[left + 1]
+        if self.interpolation == "step":
+            return np.asarray(np.where(fraction >= 1.0, b, a))
+        if self.slopes is None:
+            # This form gives both keys exactly and stays between them
+            near_b = b - (b - a) * (1.0 - fraction)
+            return np.asarray(np.where(fraction < 0.5, a + (b - a) * fraction, near_b))
+        # Cubic Hermite in the form a + (b - a) blend + tangents
+        scale = width.reshape(fraction.shape)
+        blend = fraction * fraction * (3.0 - 2.0 * fraction)
+        bend = fraction * (1.0 - fraction) * scale
+        before, after = self.slopes[left], self.slopes[left + 1]
+        curve = a + (b - a) * blend + bend * ((1.0 - fraction) * before - fraction * after)
+        return np.asarray(np.minimum(np.maximum(curve, np.minimum(a, b)), np.maximum(a, b)))
 
 
 def _checked(

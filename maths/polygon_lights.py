@@ -54,7 +54,8 @@ def polygon_irradiance(
     counter-clockwise as seen from the front, which shines.  radiance : a number or (..., c).
     two_sided : the back shines too. Points in the polygon's own plane get nothing, and polygons
     without an area give nothing.
-    Returns (...) or (..., c), W/m^2. Raises ValueError for fewer than three corners.
+    Returns (...) or (..., c), W/m^2. Raises ValueError for fewer than three corners, or any not
+    finite.
 
     >>> square = [[-1.0, 1, 1], [-1, 1, -1], [1, 1, -1], [1, 1, 1]]
     >>> E = polygon_irradiance([0.0, 0, 0], [0, 1.0, 0], square, 1.0, two_sided=True)
@@ -135,8 +136,8 @@ def polygon_solid_angle(point: ArrayLike, corners: ArrayLike) -> Array:
 def _placed(point: ArrayLike, corners: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """First corner from the point, corners from it, front's unit vector, height; scaled."""
     outline, p = np.asarray(corners, np.float64), np.asarray(point, np.float64)
-    if outline.ndim < 2 or outline.shape[-2] < 3:
-        raise ValueError("A polygon has three corners or more.")
+    if outline.ndim < 2 or outline.shape[-2] < 3 or not np.all(np.isfinite(outline)):
+        raise ValueError("A polygon has three finite corners or more.")
     r0, q = outline[..., 0, :] - p, outline - outline[..., :1, :]
     size = np.sqrt(np.max(_square(q), axis=-1))
     scale = np.sqrt(_square(r0)) + size

@@ -123,13 +123,17 @@ def tangents(normals: Array) -> tuple[Array, Array]:
 
 def _same(*columns: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Number rows, given by columns (n,), so that equal ones share a number; and where each is."""
-    number = np.zeros(len(columns[0]), np.int64)
+    key, values = np.zeros(len(columns[0]), np.int64), 1
     for column in columns:
         least = int(column.min(initial=0))
-        key = number * (int(column.max(initial=0)) - least + 1) + column - least
-        _, first, number = np.unique(key, return_index=True, return_inverse=True)
-        number = number.reshape(-1)
-    return number, first
+        range_ = int(column.max(initial=0)) - least + 1
+        if values * range_ >= 1 << 62:
+            # Ranks take less room than what they stand for
+            key = np.unique(key, return_inverse=True)[1].reshape(-1)
+            values = len(key) + 1
+        key, values = key * range_ + column - least, values * range_
+    _, first, number = np.unique(key, return_index=True, return_inverse=True)
+    return number.reshape(-1), first
 
 
 def _different(triangle: NDArray[np.int64]) -> NDArray[np.int64]:

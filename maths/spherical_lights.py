@@ -60,14 +60,15 @@ def project_sphere(
     largest = np.max(np.abs(offset), axis=-1)
     scale = np.where(largest > 0, largest, 1.0)
     distance = scale * np.linalg.norm(offset / scale[..., None], axis=-1)
-    inside = distance <= R
-    sine = np.where(inside, 1.0, R / np.where(inside, 1.0, distance))
+    # A ball of radius 0 gives nothing, at its own place too
+    inside, at = (distance <= R) & (R > 0), distance == 0
+    sine = np.where(inside, 1.0, R / np.where(inside | at, 1.0, distance))
     cosine = np.sqrt((1.0 - sine) * (1.0 + sine))
     zonal = cap_factors(cosine, l_max) * np.square(sine)[..., None]
     around = np.zeros(l_max + 1)
     around[0] = np.sqrt(4.0 * np.pi)
     zonal = np.where(inside[..., None], around, zonal)
-    towards = np.where(inside[..., None], [0.0, 0.0, 1.0], offset)
+    towards = np.where((inside | at)[..., None], [0.0, 0.0, 1.0], offset)
     return _coloured(turn_zonal(zonal, towards), radiance)
 
 

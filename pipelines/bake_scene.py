@@ -20,7 +20,7 @@ from formats.meshes import KINDS, PlacedMesh
 from formats.plan import Plan
 from formats.sprites import Billboards
 from pipelines import bake_sprites, reports
-from pipelines.current import MANIFEST_FORMAT, code, digest
+from pipelines.current import MANIFEST_FORMAT, code, digest, plans
 from pipelines.deliver import copy, publish, sweep
 from pipelines.plan import build
 
@@ -52,19 +52,20 @@ def bake_scene(
     on_progress: Progress | None = None,
     adjust: Callable[[scenes.Scene], scenes.Scene] | None = None,
     price: dict[str, Any] | None = None,
+    store: Store | None = None,
 ) -> SceneBake:
     """Bake a scene into build/scenes/NAME; what the store has is not baked again.
 
     only : a kind ("billboard", "environment") to bake alone, with what it is made from, without
     writing the scene's folder. adjust : sets knobs that the file leaves open or has otherwise.
-    price : what the manifest says of them.
+    price : what the manifest says of them. store : another one than build/store.
     Raises InputError, MachineError, DamagedError.
     """
     scene = scenes.load(path, root)
     scene = scene if adjust is None else adjust(scene)
     folder = build_folder / "scenes" / scene.name
     _require_own(folder)
-    store = Store(build_folder / "store")
+    store = store or Store(build_folder / "store")
     plan = build(scene)
     entries: dict[str, Entry] = {}
     for name, kind, run in jobs(scene, plan):
@@ -278,7 +279,9 @@ def _assemble(
         "scene": scene.raw,
         "scene_sha256": digest(path),
         "code": code(),
-        "sources": _sources(scene),
+        "plans": plans(),
+        "root": "" if scene.root is None else str(scene.root.resolve()),
+        "sources": sources_of(scene),
         "plan": plan.as_dict(),
         "assets": assets,
         "keys": sorted(entry.key for entry in entries.values()),
@@ -338,7 +341,7 @@ def keys_in_use(build_folder: Path) -> set[str]:
     return keys
 
 
-def _sources(scene: scenes.Scene) -> dict[str, str]:
+def sources_of(scene: scenes.Scene) -> dict[str, str]:
     """Return the digest of every source file, by its path."""
     files: list[Path] = []
     for group in scene.billboards:

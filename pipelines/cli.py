@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from formats.errors import BakelightError
-from pipelines import price_cli
+from pipelines import price_cli, start
 
 BUILD = Path("build")
 file_path = click.Path(path_type=Path)
@@ -71,7 +71,12 @@ def bake(
     target_error: float | None, budget: float | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Bake what SCENE calls for into build/scenes/NAME."""
-    from pipelines import output
+    from pipelines import output, unchanged
+
+    asked = (only, target_error, budget)
+    if asked == (None, None, None) and (found := unchanged.look(scene, root, build)):
+        output.baked(found, as_json)
+        return
     from pipelines.bake_scene import bake_scene
 
     output.use_threads(jobs)
@@ -147,6 +152,7 @@ def render(
     samples: int, root: Path | None, build: Path, jobs: int, as_json: bool,
 ) -> None:  # fmt: skip
     """Render SCENE without a window: .png, .exr (linear), sequence, .gif, .webp or .mp4."""
+    start.to_draw()
     from pipelines import output
     from pipelines.render_scene import Options, render_scene, trace_scene
 
@@ -155,7 +161,7 @@ def render(
     if reference:
         traced = trace_scene(
             scene, out, size=size, times=times, frames=frames, samples=samples, root=root,
-            options=options,
+            build_folder=build, options=options,
         )  # fmt: skip
         output.traced(traced, as_json=as_json)
         return
@@ -217,6 +223,7 @@ def study(
 
 def main() -> None:
     """Run the command line; the process's exit code says what went wrong."""
+    start.lean()
     try:
         from pipelines import single
 

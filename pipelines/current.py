@@ -6,8 +6,10 @@ import hashlib
 import importlib.util
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from formats.scene import Scene
+if TYPE_CHECKING:
+    from formats.scene import Scene
 
 MANIFEST_FORMAT = 1
 
@@ -21,12 +23,12 @@ def ensure(path: Path, scene: Scene, root: Path | None, build_folder: Path) -> P
 
 
 def bake(path: Path, root: Path | None, build_folder: Path) -> None:
-    """Bake a scene, with progress on standard error."""
+    """Bake a scene, with progress on standard error; a price that it was baked by still holds."""
     from pipelines import output
-    from pipelines.bake_scene import bake_scene
+    from pipelines.price_kept import bake_again
 
     with output.bars() as bar:
-        bake_scene(path, root=root, build_folder=build_folder, on_progress=bar)
+        bake_again(path, root=root, build_folder=build_folder, on_progress=bar)
 
 
 def is_current(folder: Path, scene: Scene, path: Path) -> bool:
@@ -48,8 +50,17 @@ def is_current(folder: Path, scene: Scene, path: Path) -> bool:
 
 def code() -> str:
     """Return the SHA-256 of the source that a bake runs, without importing it."""
+    return _source("bake", "formats", "maths")
+
+
+def plans() -> str:
+    """Return the SHA-256 of the source that plans a bake, and puts its results together."""
+    return _source("pipelines")
+
+
+def _source(*packages: str) -> str:
     found = hashlib.sha256()
-    for package in ("bake", "formats", "maths"):
+    for package in packages:
         spec = importlib.util.find_spec(package)
         if spec is None or spec.origin is None:
             continue

@@ -145,5 +145,6 @@ def lines(data: dict[str, Any]) -> list[str]:
         f"lightmap: {quality['texels']} texels on {layout['rectangles']} rectangles, atlas "
         f"{width} x {height}, {used:.0%} of it in use",
         f"light: {quality['rays']} rays a texel, {quality['bounces']} bounces, relative error "
-        f"{quality['relative_error']:.2%} RMS, {quality['glowing_faces']} faces glow",
+        f"{quality['relative_error']:.2%} RMS (one standard error), "
+        f"{quality['glowing_faces']} faces glow",
     ]

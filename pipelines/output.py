@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pipelines.bake_scene import SceneBake
     from pipelines.price import Ask
     from pipelines.render_scene import RenderJob
+    from pipelines.unchanged import Unchanged
 
 
 def use_threads(count: int) -> None:
@@ -83,7 +84,7 @@ def planned(
             click.echo(offer.line())
 
 
-def baked(done: SceneBake, as_json: bool) -> None:
+def baked(done: SceneBake | Unchanged, as_json: bool) -> None:
     """Say what a bake did."""
     rows = {
         name: {"hit": e.hit, "seconds": e.seconds, "key": e.key, "folder": str(e.path)}

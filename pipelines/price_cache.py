@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from formats import photograph_files
 from formats.files import atomic
 from formats.plan import AssetPlan, Plan
 from formats.scene import Scene
@@ -17,8 +18,10 @@ from pipelines import current
 from pipelines.price import Point, Prices
 
 FOLDER = "prices"
+MOST_CHANNELS = 32
 PRIORS = {
     "billboard": ("samples", Law(0.15, 0.35, 0.75), 16),
+    "photographs": ("channels", Law(0.1, 0.6, 1.0), 16),
     "occlusion": ("rays", Law(0.055, 1.0, 0.75), 1024),
     "transfer": ("rays", Law(0.035, 0.4, 0.75), 256),
     "lightmap": ("rays", Law(0.0, 0.9, 0.65), 1024),
@@ -50,8 +53,11 @@ def known(build_folder: Path, scene: Scene, asset: str) -> Prices | None:
 
 def prior(plan: Plan, asset: AssetPlan) -> Prices:
     """Return what assets of that kind cost as a rule, about the plan's estimate of seconds."""
-    knob, law, usual = PRIORS[asset.kind]
+    photographed = asset.source.endswith(photograph_files.SUFFIX)
+    knob, law, usual = PRIORS["photographs" if photographed else asset.kind]
     counts = [max(1, round(usual * 2.0 ** (n / 2))) for n in range(-8, 13)]
+    if photographed:
+        counts = [n for n in counts if 4 <= n <= MOST_CHANNELS]
     # Half of a usual bake grows with its rays
     points = [
         Point({knob: n}, law.error(n), asset.seconds * (0.5 + 0.5 * n / usual), asset.bytes)

@@ -26,10 +26,10 @@ from maths import hemispherical_harmonics as harmonics
 from maths import price as laws
 from maths.price import Estimate
 from pipelines import bake_sprites, price, price_sprites
+from pipelines.price_chain import Chain
 from pipelines.price_sprites import FEW, MANY, SPAN, TRUTH, Spans
 
 if TYPE_CHECKING:
-    from bake.recipe import Entry
     from bake.store import Store
 
 Array = NDArray[np.float64]
@@ -45,7 +45,7 @@ TEXEL_LIGHTS_A_SECOND = 5e6  # of a fit
 HELD = 8
 
 
-class DomeAsset:
+class DomeAsset(Chain):
     """A mesh under a dome by price; render, fit : knobs that stay as they are, but for those
     free."""
 
@@ -58,6 +58,7 @@ class DomeAsset:
         self._truth: tuple[Spans, ...] = ()
         self._pictures: Float = np.zeros((0, 0, SPAN, 3), np.float32)
         self._unseen = unseen()
+        self._width = 0
 
     def probe(self, clock: price.Clock) -> price.Prices:
         """Render and fit some texels: with few rays and many, few lights and many."""
@@ -67,6 +68,7 @@ class DomeAsset:
         scene = RayScene(mesh.vertices, mesh.faces)
         surface = Surface(mesh, scene, self.render.transmission, self.render.gloss)
         frame = billboard.frame_of(mesh, sprite)
+        self._width = frame.width
         loaded = clock() - begun
         self._truth = price_sprites.truth_of(surface, frame, sprite)
         self._pictures = self._lit(
@@ -129,21 +131,15 @@ class DomeAsset:
                 points.append(price.Point(knobs, own.error(count), spent, bytes_, tier))
         return price.Prices(QUANTITY, tuple(points), clock() - begun)
 
-    def bake(self, store: Store, knobs: dict[str, Any], watch: price.Watch | None) -> Entry:
-        """Render, then fit."""
-        return bake_sprites.bake(store, self.sprite(knobs), watch)
-
     def reached(self, store: Store, knobs: dict[str, Any]) -> Estimate:
         """Relight what is stored as the spans were lit."""
         if not self._truth:
             self.probe(lambda: 0.0)
-        board = Dome.load(bake_sprites.located(store, self.sprite(knobs))[-1].path)
-        border = int(board.quality["border"])
-        width = int(board.quality["size"][0]) if "size" in board.quality else self._width()
-        found = []
-        for spans in self._truth:
-            row, column = np.divmod(spans.first[:, None] + np.arange(SPAN), width)
-            found.append(board.decoded(view=spans.view)[row + border, column + border])
+        board = Dome.load(self.baked(store, knobs)[-1])
+        width, border = self._width, int(board.quality["border"])
+        found = [
+            board.decoded(view=spans.view)[spans.texels(width, border)] for spans in self._truth
+        ]
         return self._told(board, np.concatenate(found))
 
     def sprite(self, knobs: dict[str, Any]) -> bake_sprites.Sprite:
@@ -151,10 +147,6 @@ class DomeAsset:
         traced = replace(self.render, samples=knobs["samples"], lights=knobs["lights"])
         steps = bake_sprites.dome_of_mesh(traced, replace(self.fit, channels=knobs["channels"]))
         return bake_sprites.Sprite(bake_sprites.mesh_source(self.source), steps)
-
-    def _width(self) -> int:
-        mesh = bake_sprites.mesh_source(self.source).load()
-        return billboard.frame_of(mesh, self.render.sprite()).width
 
     def _lit(
         self, surface: Surface, frame: billboard.Frame, params: dome_renders.Params, towards: Array
@@ -209,24 +201,26 @@ def error_of(board: Dome, channels: Float, towards: Array, truth: Float) -> Esti
     return laws.relative_rms(squares, np.mean(np.square(wanted), axis=(0, 2, 3)))
 
 
-class PhotographsAsset:
-    """Photographs under a dome by price; fit : knobs that stay as they are, but for channels."""
+class PhotographsAsset(Chain):
+    """Photographs under a dome by price; fit : knobs that stay as they are, but for channels.
+    again : whoever asks then bakes it once more, from all photographs."""
 
     def __init__(
-        self, source: Path, space: photographs.Space, fit: dome.Params, free: bool = True
-    ) -> None:
+        self, source: Path, space: photographs.Space, fit: dome.Params, free: bool = True, *,
+        again: bool = False,
+    ) -> None:  # fmt: skip
         self.source, self.space, self.free = source, space, free
         self.name = str(source)
         self._given = bake_sprites.photographs_source(source, space)
         self._loaded: Photographs | None = None
-        self.fit = fit
+        self.fit, self._bakes = fit, 1 + again
 
     def probe(self, clock: price.Clock) -> price.Prices:
         """Fit some rows of pixels with few channels and with many."""
         begun = clock()
         whole = self._load()
         loaded = clock() - begun
-        self.fit = replace(self.fit, held_out=self._held(len(whole.directions)))
+        self.fit = replace(self.fit, held_out=self.held())
         rows = _strip(whole)
         counts = CHANNELS if self.free else (self.fit.channels,)
         points: list[price.Point] = []
@@ -241,20 +235,15 @@ class PhotographsAsset:
             error = self._error(rows, board).value
             lights = len(whole.directions)
             growing = 2 * whole.pictures[0].size / 3 * lights / TEXEL_LIGHTS_A_SECOND
-            seconds = loaded + choosing + (growing if share > 1 else 0.0)
+            seconds = self._bakes * (loaded + choosing + (growing if share > 1 else 0.0))
             bytes_ = whole.pictures[0].size // 3 * 4 * -(-channels // 4)
             tier = max(0, -(-channels // 4) - -(-self.fit.channels // 4))
             points.append(price.Point({"channels": channels}, error, seconds, bytes_, tier))
         return price.Prices(QUANTITY, tuple(points), clock() - begun)
 
-    def bake(self, store: Store, knobs: dict[str, Any], watch: price.Watch | None) -> Entry:
-        """Fit all."""
-        return bake_sprites.bake(store, self.sprite(knobs), watch)
-
     def reached(self, store: Store, knobs: dict[str, Any]) -> Estimate:
         """Relight the photographs that were held out, all their rows."""
-        board = Dome.load(bake_sprites.located(store, self.sprite(knobs))[-1].path)
-        return self._error(self._load(), board)
+        return self._error(self._load(), Dome.load(self.baked(store, knobs)[-1]))
 
     def sprite(self, knobs: dict[str, Any]) -> bake_sprites.Sprite:
         """Return the stage that bakes it with these knobs."""
@@ -266,8 +255,9 @@ class PhotographsAsset:
             self._loaded = self._given.load()
         return self._loaded
 
-    def _held(self, lights: int) -> tuple[int, ...]:
-        return self.fit.held_out or tuple(range(HELD // 2, lights, HELD))
+    def held(self) -> tuple[int, ...]:
+        """Return the photographs that the fit does not see."""
+        return self.fit.held_out or tuple(range(HELD // 2, len(self._load().directions), HELD))
 
     def _error(self, pictures: Photographs, board: Dome) -> Estimate:
         held = list(self.fit.held_out)

@@ -82,13 +82,16 @@ class LightmapAsset:
         return Estimate(value, told.low * factor, told.high * factor)
 
 
-def of_inputs(name: str, inputs: list[Input], params: stage.Params) -> LightmapAsset:
-    """Return the lightmap of a world, and of what is around it, by price."""
+def of_inputs(
+    name: str, inputs: list[Input], params: stage.Params, *, stops: bool = False
+) -> LightmapAsset:
+    """Return the lightmap of a world, and of what is around it, by price. stops : where it has
+    reached the target of `params`."""
     assets = [each.load(each.entry.path) if isinstance(each, Baked) else each.load()
               for each in inputs]  # fmt: skip
 
     def knobs(rays: int) -> stage.Params:
-        return replace(params, rays=rays, target=0.0)
+        return replace(params, rays=rays, target=params.target if stops else 0.0)
 
     def run(store: Store, chosen: dict[str, Any], watch: price.Watch | None) -> Entry:
         return store.run(stage.light, *inputs, params=knobs(chosen["rays"]), on_progress=watch)

@@ -23,9 +23,9 @@ from maths import price as laws
 from maths.price import Estimate
 from maths.principal_components import principal_components
 from pipelines import bake_sprites, price
+from pipelines.price_chain import Chain
 
 if TYPE_CHECKING:
-    from bake.recipe import Entry
     from bake.store import Store
     from formats.mesh import Mesh
 
@@ -34,7 +34,7 @@ Float = NDArray[np.float32]
 CHOSEN = ("rays", "l_max", "components")
 DEGREES = 20.0
 QUANTITY = f"share of far round lamps of {DEGREES:g} degrees seen, RMS over places; all seen is 1"
-POWER = 0.75  # of rays into cones: measured by the study `occlusion_rays`
+POWER = 0.75  # of rays into cones: measured by the study `sampling_pattern`
 FEW, MANY = 128, 1024  # rays of the probes
 MOST_RAYS = 1 << 15
 PROBE_GRID = 10
@@ -46,7 +46,7 @@ LEAST = (0.0, 0.0, 5e-9, 0.0)  # seconds a ray: less than any machine that this 
 
 
 @dataclass(frozen=True)
-class OcclusionAsset:
+class OcclusionAsset(Chain):
     """A mesh's volume by price; trace, pack : knobs that stay as they are, but for rays, l_max and,
     of talk, components. free : those of them that may be chosen."""
 
@@ -93,14 +93,10 @@ class OcclusionAsset:
                     points.append(price.Point(knobs, law.error(rays), spent, bytes_, tier))
         return price.Prices(QUANTITY, tuple(points), clock() - begun)
 
-    def bake(self, store: Store, knobs: dict[str, Any], watch: price.Watch | None) -> Entry:
-        """Trace, then pack."""
-        return bake_sprites.bake(store, self.sprite(knobs), watch)
-
     def reached(self, store: Store, knobs: dict[str, Any]) -> Estimate:
         """Hold the codes against the rays of the proof."""
-        traced, packed = bake_sprites.located(store, self.sprite(knobs))
-        master, asset = OcclusionHarmonics.load(traced.path), Occlusion.load(packed.path)
+        traced, packed = self.baked(store, knobs)
+        master, asset = OcclusionHarmonics.load(traced), Occlusion.load(packed)
         return error_of(master, _stored(master, asset))
 
     def sprite(self, knobs: dict[str, Any]) -> bake_sprites.Sprite:

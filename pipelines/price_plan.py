@@ -66,7 +66,7 @@ def has_price(scene: Scene, asset: str) -> bool:
     kind, name = asset.split("/")
     if kind == "billboard":
         group = next(group for group in scene.billboards if group.name == name)
-        return not group.pictured and not group.photographed
+        return not group.pictured and not (group.photographed and group.dome is None)
     return kind in price_cache.PRIORS
 
 

@@ -1,8 +1,9 @@
 """A scene by price: every asset that has one is probed, and gets its share of error or seconds.
 
 An error is asked of each asset, in its own quantity. Seconds are shared so that the largest error
-is as small as they allow. What has no price (environments, meshes, cells, photographs, pictures) is
-baked first, and its seconds count.
+is as small as they allow. What has no price (environments, meshes, cells, pictures) is
+baked first, and its seconds count. Photographs are baked without those that the check needs, then
+from all.
 """
 
 from __future__ import annotations
@@ -24,7 +25,8 @@ from formats.plan import Plan
 from pipelines import bake_cubes, bake_scene, bake_sprites, price, price_cache
 from pipelines import plan as plans
 from pipelines.price import Ask, Deal, Point, Prices, Subject
-from pipelines.price_dome import DomeAsset
+from pipelines.price_dome import DomeAsset, PhotographsAsset
+from pipelines.price_kept import Knobs, applied
 from pipelines.price_lightmap import LightmapAsset
 from pipelines.price_occlusion import OcclusionAsset
 from pipelines.price_plan import has_price
@@ -34,17 +36,18 @@ from pipelines.price_transfer import TransferAsset
 if TYPE_CHECKING:
     from pipelines.bake_scene import Progress, SceneBake
 
-Knobs = dict[str, Any]
-
 
 @dataclass(frozen=True)
 class PricedBake:
-    """A scene's bake, and the deal of each asset that has a price. seconds : of all of it."""
+    """A scene's bake, and the deal of each asset that has a price. seconds : of all of it.
+    subjects, prices : what was probed, and what that found."""
 
     done: SceneBake
     asked: Ask
     deals: dict[str, Deal]
     seconds: float
+    subjects: dict[str, Subject]
+    prices: dict[str, Prices]
 
     def as_dict(self) -> dict[str, Any]:
         """Return what the manifest and --json say."""
@@ -58,11 +61,10 @@ class PricedBake:
 
 def bake(
     path: Path, ask: Ask, *, root: Path | None = None, build_folder: Path = Path("build"),
-    on_progress: Progress | None = None,
+    on_progress: Progress | None = None, clock: price.Clock = time.perf_counter,
 ) -> PricedBake:  # fmt: skip
     """Bake a scene as asked for. InputError where that cannot be, naming what can."""
     ask.check()
-    clock = time.perf_counter
     begun = clock()
     scene = scenes.load(path, root)
     plan, store = plans.build(scene), Store(build_folder / "store")
@@ -84,7 +86,7 @@ def bake(
         started = clock() - prices[name].seconds
         watch = None if on_progress is None else partial(on_progress, name)
         deals[name] = price.settle(
-            subject, store, own, prices[name], points[name], started, watch=watch
+            subject, store, own, prices[name], points[name], started, watch=watch, clock=clock
         )[1]
     chosen = {name: deal.knobs for name, deal in deals.items()}
     told = {name: deal.as_dict() for name, deal in deals.items()}
@@ -92,7 +94,7 @@ def bake(
         path, root=root, build_folder=build_folder, on_progress=on_progress,
         adjust=partial(applied, chosen=chosen), price=told,
     )  # fmt: skip
-    return PricedBake(done, ask, deals, clock() - begun)
+    return PricedBake(done, ask, deals, clock() - begun, subjects, prices)
 
 
 def choose(prices: dict[str, Prices], ask: Ask, left: float | None, name: str) -> dict[str, Point]:
@@ -128,9 +130,12 @@ def subjects_of(
             continue
         if kind == "billboard":
             group = next(group for group in scene.billboards if group.name == name)
-            first, last = (step.params for step in bake_sprites.of_scene(scene, group).steps)
+            knobs: Any = [step.params for step in bake_sprites.of_scene(scene, group).steps]
+            if group.photographed:
+                yield asset.name, PhotographsAsset(group.source, "linear", *knobs, again=True)
+                continue
             by: Any = DomeAsset if group.dome is not None else RingAsset
-            yield asset.name, by(group.source, first, last)
+            yield asset.name, by(group.source, *knobs)
         elif kind == "occlusion":
             first, last = (step.params for step in bake_scene.occlusion_steps(meshes[name]).steps)
             yield asset.name, OcclusionAsset(meshes[name].source, first, last)
@@ -139,34 +144,6 @@ def subjects_of(
             yield asset.name, TransferAsset(meshes[name].source, params)
         elif store is not None:
             yield asset.name, _lightmap(scene, store)
-
-
-def applied(scene: scenes.Scene, chosen: dict[str, Knobs]) -> scenes.Scene:
-    """Return a scene with the knobs that were chosen for its assets."""
-    for asset, knobs in chosen.items():
-        kind, name = asset.split("/")
-        if kind == "billboard":
-            groups = [_group(g, knobs) if g.name == name else g for g in scene.billboards]
-            scene = replace(scene, billboards=tuple(groups))
-        elif kind == "lightmap":
-            assert scene.voxels is not None
-            scene = replace(scene, voxels=replace(scene.voxels, error=knobs["error"]))
-        else:
-            own = [_mesh(m, kind, knobs) if m.name == name else m for m in scene.meshes]
-            scene = replace(scene, meshes=tuple(own))
-    return scene
-
-
-def _group(group: Any, knobs: Knobs) -> Any:
-    lit = {name: value for name, value in knobs.items() if name != "samples"}
-    under = "ring" if group.dome is None else "dome"
-    changed = {under: replace(getattr(group, under), **lit)}
-    return replace(group, samples=knobs["samples"], **changed)
-
-
-def _mesh(placed: Any, kind: str, knobs: Knobs) -> Any:
-    name = "shadow" if kind == "occlusion" else "transfer"
-    return replace(placed, **{name: replace(getattr(placed, name), **knobs)})
 
 
 def _lightmap(scene: scenes.Scene, store: Store) -> LightmapAsset:

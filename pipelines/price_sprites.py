@@ -26,9 +26,9 @@ from maths import circular_harmonics, sprite_packing
 from maths import price as laws
 from maths.price import Estimate
 from pipelines import bake_sprites, price
+from pipelines.price_chain import Chain
 
 if TYPE_CHECKING:
-    from bake.recipe import Entry
     from bake.store import Store
 
 Float = NDArray[np.float32]
@@ -55,8 +55,13 @@ class Spans:
     first: NDArray[np.int64]
     radiance: Float
 
+    def texels(self, width: int, border: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return rows and columns (n, SPAN) in a sprite of that width within a border."""
+        row, column = np.divmod(self.first[:, None] + np.arange(SPAN), width)
+        return row + border, column + border
 
-class RingAsset:
+
+class RingAsset(Chain):
     """A sprite by price; trace, pack : knobs that stay as they are, but for samples and terms."""
 
     def __init__(
@@ -105,22 +110,16 @@ class RingAsset:
                 points.append(price.Point(chosen, law.error(samples), total, bytes_, tier))
         return price.Prices(QUANTITY, tuple(points), clock() - begun)
 
-    def bake(self, store: Store, knobs: dict[str, Any], watch: price.Watch | None) -> Entry:
-        """Trace, then pack."""
-        return bake_sprites.bake(store, self.sprite(knobs), watch)
-
     def reached(self, store: Store, knobs: dict[str, Any]) -> Estimate:
         """Relight what is stored as the spans were lit."""
         if not self._truth:
             self.probe(lambda: 0.0)
-        board = Billboard.load(bake_sprites.located(store, self.sprite(knobs))[-1].path)
-        border = mips.border_of(self.pack)
-        width = int(board.quality["size"][0])
-        made = []
-        for spans in self._truth:
-            planes = mips.decoded(board, view=spans.view)
-            row, column = np.divmod(spans.first[:, None] + np.arange(SPAN), width)
-            made.append(planes[:, row + border, column + border])
+        board = Billboard.load(self.baked(store, knobs)[-1])
+        width, border = int(board.quality["size"][0]), mips.border_of(self.pack)
+        made = [
+            mips.decoded(board, view=spans.view)[:, *spans.texels(width, border)]
+            for spans in self._truth
+        ]
         return self._told(made, replace(self.trace, **knobs))
 
     def sprite(self, knobs: dict[str, Any]) -> bake_sprites.Sprite:
@@ -170,11 +169,13 @@ class RingAsset:
 PACKING = 1.2e-7  # seconds a texel and plane, mip levels and codes: 2 cores
 
 
-def truth_of(surface: Surface, frame: stage.Frame, params: stage.Params) -> tuple[Spans, ...]:
-    """Choose spans of texels, evenly with a start of their own, and render them."""
+def truth_of(
+    surface: Surface, frame: stage.Frame, params: stage.Params, spans: int = 0
+) -> tuple[Spans, ...]:
+    """Choose spans of texels, SPANS or as many as told, evenly, and render them."""
     views = sorted({v * params.views // min(params.views, 4) for v in range(min(params.views, 4))})
     texels = frame.width * frame.height
-    count = max(1, min(SPANS // len(views), texels // SPAN))
+    count = max(1, min((spans or SPANS) // len(views), texels // SPAN))
     many = replace(params, samples=TRUTH)
     towards = circular_harmonics.ring_direction(np.asarray(AZIMUTHS), params.axis, params.elevation)
     suns = stage.suns(towards, TRUTH, params.sun_diameter)

@@ -52,6 +52,7 @@ LAMPS = 24
 BANDS = (2, 3, 4, 6)
 MOST_BAND = 6
 MOST_RAYS = 1 << 14
+RAYS_SHARE = 0.25  # of the time of many rays at least, where the clock tells less
 SALT = 71  # of the truth's spins; the bake has another
 
 
@@ -108,7 +109,8 @@ class TransferAsset:
             runs.append(other)
             seconds.append(spent)
         # Of all vertices, with few rays; what more rays cost, of some vertices
-        ray = max((seconds[1] - seconds[0]) / (MANY - FEW) / len(self._vertices), 1e-9)
+        ray = max((seconds[1] - seconds[0]) / (MANY - FEW), seconds[1] / MANY * RAYS_SHARE)
+        ray /= len(self._vertices)
         points = []
         for l_max in self._bands():
             K = (l_max + 1) ** 2

@@ -27,7 +27,7 @@ class Request:
 def bake(request: Request, tell: Tell) -> None:
     """Bake; tell (asset, percent) as it goes on, then the folder."""
     from bake import workers
-    from pipelines.bake_scene import bake_scene
+    from pipelines.price_kept import bake_again
 
     workers.use(request.threads)
     last: tuple[str, int] = ("", -1)
@@ -38,7 +38,7 @@ def bake(request: Request, tell: Tell) -> None:
         tell(now if now != last else None)
         last = now
 
-    done = bake_scene(
+    done = bake_again(
         request.path, root=request.root, build_folder=request.build, on_progress=progress
     )
     tell(done.folder)

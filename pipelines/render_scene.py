@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -112,13 +113,14 @@ def trace_scene(
     frames: str | None = None,
     samples: int = 64,
     root: Path | None = None,
+    build_folder: Path | None = None,
     options: Options = Options(),
 ) -> RenderJob:
     """Trace a scene by paths instead of playing it: no bake, no OpenGL. Raises InputError.
 
     out : a picture (.png through the film, .exr linear with its standard error) or a folder for one
     picture a time or frame. samples : paths a pixel. Light goes on from surface to surface twice,
-    or as often as a world of cubes asks.
+    or as often as a world of cubes asks. build_folder : has the tiles of an interrupted picture.
     """
     width, height = parse_size(size)
     if out.suffix.lower() not in ("", ".png", ".exr"):
@@ -129,6 +131,7 @@ def trace_scene(
         raise InputError("command line", "--layers", options.layers, remedy)
     scene = scenes.load(path, root)
     from bake import reference, reference_cubes, workers
+    from pipelines import traced_tiles
     from pipelines.output import bars
 
     wanted, job = moments.chosen(scene, times, frames, out), RenderJob(size=(width, height))
@@ -145,11 +148,15 @@ def trace_scene(
             bounces=max(reference.Params.bounces, reference_cubes.bounces(scene)),
         )
         started = perf_counter()
-        with bars() as bar:
-            watch = None if bar is None else partial(bar, name)
-            found = reference.render(scene, params=params, progress=watch or workers.silent)
-        seconds = perf_counter() - started
-        _save_reference(found, scene, moment.time, target)
+        keeping = (
+            traced_tiles.kept(path, scene, params, build_folder) if build_folder else nullcontext()
+        )
+        with keeping:
+            with bars() as bar:
+                watch = None if bar is None else partial(bar, name)
+                found = reference.render(scene, params=params, progress=watch or workers.silent)
+            seconds = perf_counter() - started
+            _save_reference(found, scene, moment.time, target)
         job.files.append(target)
         job.frames += 1
         job.seconds += seconds

@@ -5,12 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
+from pathlib import Path
 from typing import Any
 
 import moderngl
 
 from formats.errors import MachineError
+from runtime import upload
+from runtime.shader import SCREEN, Programs, set_uniforms
 
+HERE = Path(__file__).parent
 SOFTWARE = ("llvmpipe", "softpipe", "swrast", "software")
 
 
@@ -23,14 +27,20 @@ class Frame:
     says which. samples : a pixel of the opaque picture, 1 or more; the card may offer fewer.
     unresolved : something was drawn on the samples that `resolve` has not averaged.
     milliseconds : of each pass when it last ran.
+    programs : of the same context; without them it links its own.
     owner : what textures made and draws issued now are counted for, such as the name of a pass.
     generation : how often the targets were given up; what was drawn before is gone.
     """
 
-    def __init__(self, ctx: Any, size: tuple[int, int], samples: int = 1) -> None:
+    def __init__(
+        self, ctx: Any, size: tuple[int, int], samples: int = 1, programs: Programs | None = None
+    ) -> None:
         self.ctx, self.size = ctx, size
         self.samples = min(samples, int(ctx.max_samples))
+        self._own = Programs(ctx) if programs is None else None
+        self._programs = programs or self._own
         self._sampled: Any = None
+        self._averaged: Any = None
         self.unresolved = False
         self._textures: dict[str, Any] = {}
         self._buffers: dict[tuple[str | None, ...], Any] = {}
@@ -91,14 +101,21 @@ class Frame:
             for name in names:
                 made = self.ctx.texture(size, 4, dtype="f2")
                 made.repeat_x = made.repeat_y = False
-                if levels > 1:
-                    made.build_mipmaps(0, levels - 1)
+                upload.allocate_levels(self.ctx, made, levels)
                 mipmapped = moderngl.LINEAR_MIPMAP_NEAREST if levels > 1 else moderngl.LINEAR
                 made.filter = (mipmapped, moderngl.LINEAR)
                 texels = sum((size[0] >> i) * (size[1] >> i) for i in range(levels))
                 self._textures[name] = self.adopt(made, 8 * texels)
             self._buffers[names] = self.ctx.framebuffer([self._textures[n] for n in names])
         return self._buffers[names]
+
+    def coarser(self, names: tuple[str, ...], level: int) -> Any:
+        """Return the framebuffer that writes one level, from 1, of such targets made before."""
+        key = (*names, str(level))
+        if key not in self._buffers:
+            made = upload.level_buffer(self.ctx, [self._textures[name] for name in names], level)
+            self._buffers[key] = made
+        return self._buffers[key]
 
     def copied(self, colour: str, depth: str) -> Any:
         """Return a framebuffer of a colour and a depth target to copy `colour` and `depth` to."""
@@ -122,8 +139,8 @@ class Frame:
             how = {"samples": self.samples}
             made = []
             try:
-                made.append(self.ctx.renderbuffer(self.size, 4, dtype="f2", **how))
-                made.append(self.ctx.depth_renderbuffer(self.size, **how))
+                made.append(self.ctx.texture(self.size, 4, dtype="f2", **how))
+                made.append(self.ctx.depth_texture(self.size, **how))
                 self._sampled = (self.ctx.framebuffer([made[0]], made[1]), *made)
             except moderngl.Error as error:
                 for buffer in made:
@@ -140,9 +157,23 @@ class Frame:
 
         Once after the last call of `opaque`; nothing otherwise.
         """
-        if self.unresolved:
-            self.ctx.copy_framebuffer(self.target("colour", "depth"), self._sampled[0])
-            self.unresolved = False
+        if not self.unresolved:
+            return
+        if self._averaged is None:
+            # Drivers compile the program of a blit of samples in every process, ours are kept
+            defines = {"SAMPLES": self.samples}
+            program = self._programs.get(SCREEN, HERE / "samples.frag", defines, {})
+            self._averaged = self.ctx.vertex_array(program, [])
+        for unit, texture in enumerate(self._sampled[1:]):
+            texture.use(unit)
+        set_uniforms(self._averaged.program, {"colours": 0, "depths": 1})
+        target = self.target("colour", "depth")
+        target.use()
+        # Depth is written, whatever it was
+        self.ctx.enable_only(moderngl.DEPTH_TEST)
+        self.ctx.depth_func = "1"
+        self.draw(self._averaged, mode=moderngl.TRIANGLES, vertices=3)
+        self.unresolved = False
 
     # copies
 
@@ -246,6 +277,10 @@ class Frame:
     def release(self) -> None:
         """Free targets, framebuffers and every texture that was adopted."""
         self._release_targets()
+        if self._averaged is not None:
+            self._averaged.release()
+        if self._own is not None:
+            self._own.release()
         for texture, _, _ in list(self._adopted.values()):
             self.drop(texture)
 

@@ -7,14 +7,15 @@ when light changes (`runtime/gather_schedule.py`). Where light may have changed,
 what was shown fades by half every four passes; elsewhere they go on.
 
 Passes belong to two sets with shifts of their own, in turn. Half the difference of their means is
-the error: with evenly spread rays the variance of samples would overstate it. That of the light
-handed on is left out: each ray meets other texels, so it is small.
+the error of a texel's own rays: with evenly spread rays the variance of samples would overstate it.
+That of the light handed on, which both sets share, comes on top (`runtime/gather_error.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from formats.errors import InputError
 from formats.lightmap_faces import Faces
 from maths.colour import luminance
-from runtime import gather_schedule, light_sights, light_uniforms, reuse
+from runtime import gather_error, gather_schedule, light_sights, light_uniforms, reuse
 from runtime.gather_draws import Draws
 from runtime.gather_targets import Targets
 from runtime.shader import Programs
@@ -204,9 +205,11 @@ class Gather:
             self._begin_anew(changes)
 
     def _begin_anew(self, changes: Sequence[Change]) -> None:
-        if self.passes - self._measured >= MEASURE:
-            self._measure()
-        self._draws.change(changes, FORGET * self.knobs.error * self._brightness)
+        # Before the first pass there is nothing to forget
+        if self.passes:
+            if self.passes - self._measured >= MEASURE:
+                self._measure()
+            self._draws.change(changes, FORGET * self.knobs.error * self._brightness)
         self._restart()
 
     # what it found
@@ -230,6 +233,16 @@ class Gather:
         if self._error is None:
             self._error = self._measure()
         return self._error
+
+    def bars(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the standard error (h, w) of each texel's luminance, W/m2, 0 where none is, and
+        its degrees of freedom."""
+        sums, used = self._sums()
+        own, count = gather_error.pooled(sums.variance, used, self.faces)
+        found, degrees = np.zeros(used.shape), np.ones(used.shape)
+        found[used] = np.sqrt(own + (sums.handed_on() * sums.indirect) ** 2)
+        degrees[used] = count
+        return found, degrees
 
     def lightmap(self) -> Any:
         """Return the RGBA16F texture of irradiance, bilinear, gutters filled; alpha 1 where a texel
@@ -286,14 +299,37 @@ class Gather:
 
     def _measure(self) -> float:
         """Read the sums: relative error; keeps how bright the world is."""
-        light, difference, passes = self.targets.read_sums()
-        used = passes > 0
-        bright = np.asarray(luminance(light[used]), np.float64)
+        sums, _ = self._sums()
         self._measured = self.passes
-        power = float(np.sum(bright**2))
-        self._brightness = float(np.sqrt(power / max(1, len(bright))))
-        spread = np.asarray(difference[used], np.float64) / passes[used]
-        return float(np.sqrt(np.sum(spread**2) / power)) if power > 0 else 0.0
+        self._brightness = float(np.sqrt(np.mean(sums.light**2))) if len(sums.light) else 0.0
+        return sums.relative_error()
+
+    @cached_property
+    def _cell(self) -> NDArray[np.int32]:
+        return self.faces.cell()
+
+    def _sums(self) -> tuple[gather_error.Sums, NDArray[np.bool_]]:
+        """Read the sums of texels in use, and which (h, w) those are."""
+        light, difference, passes, handed, rays = self.targets.read_sums()
+        used = passes > 0
+        count = passes[used].astype(np.float64)
+        older, later = np.ones_like(count), 1.0
+        if self._bounces != 0:
+            cast = count / self._draws.passes_per_ray(self.lamps, self._free)
+            older = np.maximum(cast / np.maximum(rays[used], 1.0), 1.0)
+        if self._bounces < 0:
+            chain = 2.0 * gather_schedule.CHAIN * self._settled
+            later = max(0.0, 1.0 - chain / max(self.since, 1))
+        rows = self.volume.cells.ravel()[self._cell[used]]
+        sums = gather_error.Sums(
+            light=np.asarray(luminance(light[used]), np.float64),
+            indirect=np.asarray(luminance(handed[used]), np.float64),
+            albedo=np.asarray(luminance(self.volume.albedo[rows]), np.float64),
+            apart=difference[used] / count,
+            older=older,
+            renewed=1.0 + (gather_error.RENEWED - 1.0) * later,
+        )
+        return sums, used
 
 
 def _change(ball: Any, size: tuple[int, int, int]) -> Change:

@@ -41,12 +41,23 @@ class Draws:
         settled: int,
     ) -> None:
         self._ctx, self._targets, self._cast = ctx, targets, cast
-        self._settled = settled
-        flags = {"gather_send": {}, "gather_show": {}, "gather_change": {"BOXES": BOXES}}
-        self._arrays = {
-            name: ctx.vertex_array(programs.get(SCREEN, PASSES / f"{name}.frag", each, {}), [])
-            for name, each in {"gather": defines, **flags}.items()
-        }
+        self._programs, self._defines, self._settled = programs, defines, settled
+        self._arrays: dict[tuple[str, int], Any] = {}
+        for name in ("gather", "gather_send", "gather_change"):
+            self._array(name, 0)
+
+    def _array(self, name: str, how: int) -> Any:
+        """Return a draw, whose program is linked when it is first asked for."""
+        if (name, how) not in self._arrays:
+            flags = {
+                "gather": {**self._defines, "AIMED": how},
+                "gather_show": {"DOWNSAMPLE": how},
+                "gather_change": {"BOXES": BOXES},
+            }
+            path = PASSES / f"{name}.frag"
+            program = self._programs.get(SCREEN, path, flags.get(name, {}), {})
+            self._arrays[name, how] = self._ctx.vertex_array(program, [])
+        return self._arrays[name, how]
 
     def cast(
         self,
@@ -59,7 +70,7 @@ class Draws:
         lights: Any = None,
     ) -> None:
         """Add a pair of passes, the one of this number. lights : of the scene, in cells."""
-        lit = (lamps.count > 0 or bool(free)) and lamps.destinations is None
+        lit = self.passes_per_ray(lamps, free) > 1
         common = {
             **self._cast,
             "scale": volume.scale,
@@ -67,7 +78,7 @@ class Draws:
             "keep": KEEP,
             "blend": pair.blend,
             "counts": float(pair.counts),
-            "passes_per_ray": 2.0 if lit else 1.0,
+            "passes_per_ray": self.passes_per_ray(lamps, free),
             "lamp_count": lamps.count,
             "lamp_power": lamps.power,
             "cube_place": [(*lamp.middle, lamp.half_side) for lamp in free],
@@ -90,7 +101,12 @@ class Draws:
             _use(volume.gaps, "gaps")
             _use(lamps.table, "lamps")
             _use(lamps.destinations, "destinations")
-            self._draw("gather", self._targets.turned(), {**common, **values})
+            # A whole pass has rays of one kind: where rays run side by side none waits for others
+            self._draw("gather", self._targets.turned(), {**common, **values}, int(lit and k == 0))
+
+    def passes_per_ray(self, lamps: Lamps, free: Sequence[FreeLamp]) -> float:
+        """Return how many passes there are for a ray along the cosine: others are aimed."""
+        return 2.0 if (lamps.count > 0 or bool(free)) and lamps.destinations is None else 1.0
 
     def send(self, what: str, volume: VoxelVolume, *, one_by_one: bool) -> None:
         """Let surfaces hand on what a schedule says. one_by_one : bounces are built up."""
@@ -112,8 +128,8 @@ class Draws:
         """Draw the lightmap, with means of so many texels along a side of a cell; calm : texels
         whose sums began anew lately take from their neighbours."""
         self._targets.use()
-        values = {"fade": 1.0 / FADE, "downsample": downsample, "calm": CALM if calm else 0.0}
-        self._draw("gather_show", buffer, values)
+        values = {"fade": 1.0 / FADE, "calm": CALM if calm else 0.0}
+        self._draw("gather_show", buffer, values, downsample)
 
     def change(self, changes: Sequence[Change], least: float) -> None:
         """Begin anew where these boxes may change irradiance by more than `least`."""
@@ -138,8 +154,8 @@ class Draws:
         for array in self._arrays.values():
             array.release()
 
-    def _draw(self, name: str, target: Any, values: Mapping[str, Any]) -> None:
-        array = self._arrays[name]
+    def _draw(self, name: str, target: Any, values: Mapping[str, Any], how: int = 0) -> None:
+        array = self._array(name, how)
         set_uniforms(array.program, {**UNITS, **values})
         self._ctx.enable_only(moderngl.NOTHING)
         target.use()

@@ -57,7 +57,8 @@ class Targets:
         self.lightmap_buffer = self._ctx.framebuffer([self.lightmap])
         self.sent_buffer = self._ctx.framebuffer([self._fixed["sent"]])
         self._exact: Any = None
-        for texture in (*self._sums[0], *self._before, self._fixed["sent"], self.lightmap):
+        sums = (*self._sums[0], *self._sums[1])
+        for texture in (*sums, *self._before, self._fixed["sent"], self.lightmap):
             self._clear(texture)
 
     @property
@@ -109,11 +110,12 @@ class Targets:
         return self._exact
 
     def read_sums(self) -> tuple[NDArray[np.float32], ...]:
-        """Return mean irradiance (h, w, 3), difference of both sets (h, w), and passes (h, w)."""
+        """Return mean irradiance (h, w, 3), difference of both sets (h, w), passes (h, w), and of
+        the irradiance what surfaces handed on, with its rays (h, w)."""
         direct, indirect, latest = (self._read(texture) for texture in self._sums[self._now])
         light = direct[..., :3] / np.maximum(direct[..., 3:], np.float32(1))
-        light += indirect[..., :3] / np.maximum(indirect[..., 3:], np.float32(1e-6))
-        return light.astype(np.float32), latest[..., 3], direct[..., 3]
+        handed = indirect[..., :3] / np.maximum(indirect[..., 3:], np.float32(1e-6))
+        return light + handed, latest[..., 3], direct[..., 3], handed, indirect[..., 3]
 
     def release(self) -> None:
         """Free all textures and framebuffers."""
@@ -155,13 +157,18 @@ def texel_places(faces: Faces) -> NDArray[np.uint16]:
     """Return x, y, z of the cell of interior texels, and face * 4096 + v * 64 + u of the texel on
     it, (h, w, 4); NONE elsewhere."""
     rows, tu, tv, x, y = faces.interior
-    nx, ny, _ = faces.grid
-    cell = faces.cell()[y, x].astype(np.int64)
-    n = faces.texels
+    n, r = faces.texels, faces.rectangles
+    # Of each rectangle: cell of its first texel, steps along u and v, and face
+    one = np.eye(4, dtype=np.int32)
+    axis, behind = r["axis"], r["plane"] - (r["sign"] > 0)
+    u, v = one[(axis + 1) % 3], one[(axis + 2) % 3]
+    first = behind[:, None] * one[axis] + r["u"][:, None] * u + r["v"][:, None] * v
+    first[:, 3] = face_number(r) * 4096
+    cu, cv = tu // n, tv // n
+    texel = first[rows] + cu[:, None] * u[rows] + cv[:, None] * v[rows]
+    texel[:, 3] += (tv - cv * n) * 64 + tu - cu * n
     found = np.full((faces.size[1], faces.size[0], 4), NONE, np.uint16)
-    face = face_number(faces.rectangles)[rows]
-    last = face * 4096 + tv % n * 64 + tu % n
-    found[y, x] = np.stack([cell % nx, cell // nx % ny, cell // (nx * ny), last], axis=-1)
+    found[y, x] = texel
     return found
 
 

@@ -96,8 +96,8 @@ class Player:
             self._owns_context = context is None
             self.ctx = capture.make_context() if context is None else context
             opaque = {"surface", "transfer", "voxels"}.intersection(self.called)
-            self.targets = Frame(self.ctx, size, SAMPLES if opaque else 1)
             self.programs = Programs(self.ctx)
+            self.targets = Frame(self.ctx, size, SAMPLES if opaque else 1, self.programs)
             self.passes: dict[str, Any] = {}
             try:
                 self._open(loading)
@@ -204,7 +204,7 @@ class Player:
 
     def _resolve(self) -> None:
         if self.targets.unresolved:
-            with self.targets.timed("resolve"):
+            with self._within("resolve"), self.targets.timed("resolve"):
                 self.targets.resolve()
 
     @contextmanager

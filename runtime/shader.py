@@ -80,6 +80,7 @@ def compose(
 def forget() -> None:
     """Compose from the files again: they may have been edited."""
     _compose.cache_clear()
+    _lines.cache_clear()
 
 
 @cache
@@ -98,34 +99,60 @@ def _expand(path: Path, files: list[Path], chain: tuple[str, ...], folder: Path)
     files.append(path)
     number = len(files) - 1
     lines = [f"#line {SPREAD * number + 1}"]
-    for at, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
-        if not (match := _INCLUDE.match(line)):
-            lines.append(line)
-            if _BRANCH.match(line):
-                # What is skipped takes its #line with it
-                lines.append(f"#line {SPREAD * number + at + 1}")
-            continue
-        name = match[1]
-        found = next(
-            (f for f in (path.parent / name, folder / name, GLSL / name) if f.is_file()), None
-        )
-        if found is None:
-            raise ShaderError(f'{path.name}:{at}: unknown include "{name}"')
-        # A file is pasted once, however many ask for it
-        if found not in files:
-            lines += _expand(found, files, (*chain, f"{path.name}:{at}"), folder)
+    last = 0
+    source, directives = _lines(path)
+    for at, name in directives:
+        lines += source[last : at - (name is not None)]
+        last = at
+        if name is not None:
+            found = next(
+                (f for f in (path.parent / name, folder / name, GLSL / name) if f.is_file()), None
+            )
+            if found is None:
+                raise ShaderError(f'{path.name}:{at}: unknown include "{name}"')
+            # A file is pasted once, however many ask for it
+            if found not in files:
+                lines += _expand(found, files, (*chain, f"{path.name}:{at}"), folder)
+        # What is skipped by a branch takes its #line with it
         lines.append(f"#line {SPREAD * number + at + 1}")
-    return lines
+    return lines + source[last:]
+
+
+@cache
+def _lines(path: Path) -> tuple[list[str], list[tuple[int, str | None]]]:
+    """Return the lines of a file, and those, from 1, that include a file of a name or branch."""
+    source, found = path.read_text(encoding="utf-8").splitlines(), list[tuple[int, str | None]]()
+    for at, line in enumerate(source, start=1):
+        if "#" not in line:
+            continue
+        if match := _INCLUDE.match(line):
+            found.append((at, match[1]))
+        elif _BRANCH.match(line):
+            found.append((at, None))
+    return source, found
 
 
 def _check_flags(path: Path, code: str, given: set[str]) -> None:
-    mentioned = set(_WORD.findall(code))
-    if unused := sorted(given - mentioned):
+    unused = [name for name in sorted(given) if not _mentions(code, name)]
+    if unused:
         raise ShaderError(f"{path.name}: flag {unused[0]} is given but never used")
+    # Few lines begin with #: look at those alone
+    code = "\n".join(line for line in code.splitlines() if "#" in line)
     known = given | set(_DEFINE.findall(code)) | {"defined", "GL_ES", "__VERSION__"}
     for condition in _CONDITION.findall(code):
         if missing := sorted(set(_WORD.findall(condition)) - known):
             raise ShaderError(f"{path.name}: flag {missing[0]} is tested but not given")
+
+
+def _mentions(code: str, name: str) -> bool:
+    """Tell whether a word stands in a text by itself."""
+    at = code.find(name)
+    while at >= 0:
+        around = code[max(at - 1, 0) : at] + code[at + len(name) : at + len(name) + 1]
+        if not any(letter.isalnum() or letter == "_" for letter in around):
+            return True
+        at = code.find(name, at + 1)
+    return False
 
 
 def _literal(value: Any) -> str:

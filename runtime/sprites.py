@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -133,13 +133,34 @@ def read(folder: Path) -> Any:
     if kind == "picture":
         return import_module("formats.picture").Picture.load(folder)
     if kind != "dome":
-        return import_module("formats.billboard").Billboard.load(folder)
+        return trimmed(import_module("formats.billboard").Billboard.load(folder))
     asset = import_module("formats.dome").Dome.load(folder)
     if not asset.coverage:
         raise InputError(folder, "coverage", "none", "bake it as a billboard of a scene")
     if asset.space != "linear":
         raise InputError(folder, "space", asset.space, "light adds up in linear space: use linear")
-    return asset
+    return trimmed(asset)
+
+
+def trimmed(asset: Any) -> Any:
+    """Return an asset without the outer part of its border that no level shows anything in.
+
+    Borders are made for the coarsest level, whose texels are many of level 0.
+    """
+    width, height = asset.size
+    unit = 1 << (len(asset.levels) - 1)
+    left, top, right, bottom = boxes(asset.levels, asset.planes)[-1]
+    if width % unit or height % unit or right <= left:
+        return asset
+    # Whole texels of the coarsest level: all levels keep theirs
+    x, y = int(left * width) // unit * unit, int(top * height) // unit * unit
+    w = -(-round(right * width) // unit) * unit - x
+    h = -(-round(bottom * height) // unit) * unit - y
+    levels = tuple(
+        np.ascontiguousarray(level[:, y >> n : (y + h) >> n, x >> n : (x + w) >> n])
+        for n, level in enumerate(asset.levels)
+    )
+    return replace(asset, levels=levels, pivot=(asset.pivot[0] - x, asset.pivot[1] - y))
 
 
 def load(ctx: Any, frame: Any, groups: list[tuple[Any, Any]]) -> list[SpriteSet]:

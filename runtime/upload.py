@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from formats.errors import InputError
 from runtime.capture import loader
 
-TEXTURE_2D_ARRAY = 0x8C1A
+TEXTURE_2D, TEXTURE_2D_ARRAY = 0x0DE1, 0x8C1A
+FRAMEBUFFER, COLOR_ATTACHMENT0 = 0x8D40, 0x8CE0
 RGBA = 0x1908
 UNPACK_ALIGNMENT, PACK_ALIGNMENT = 0x0CF5, 0x0D05
 TEXTURE_BASE_LEVEL, TEXTURE_MAX_LEVEL = 0x813C, 0x813D
@@ -32,7 +33,10 @@ _SIGNATURES: dict[str, tuple[Any, ...]] = {
     "glBindTexture": (_INT, _INT),
     "glPixelStorei": (_INT, _INT),
     "glTexParameteri": (_INT, _INT, _INT),
+    "glTexImage2D": (*(_INT,) * 8, _POINTER),
     "glTexImage3D": (*(_INT,) * 9, _POINTER),
+    "glBindFramebuffer": (_INT, _INT),
+    "glFramebufferTexture2D": (_INT,) * 5,
     "glGetTexImage": (*(_INT,) * 4, _POINTER),
     "glGetIntegerv": (_INT, _POINTER),
 }
@@ -90,6 +94,34 @@ def read_level(ctx: Any, texture: Any, level: int) -> NDArray[Any]:
     gl.glGetTexImage(TEXTURE_2D_ARRAY, level, RGBA, FORMATS[dtype][2], data.ctypes.data)
     gl.glBindTexture(TEXTURE_2D_ARRAY, 0)
     return data
+
+
+def allocate_levels(ctx: Any, texture: Any, levels: int) -> None:
+    """Give a two-dimensional RGBA16F texture so many mip levels, what they hold is not defined."""
+    if levels <= 1:
+        return
+    gl = RawGL(ctx)
+    _, internal, component = FORMATS[np.dtype(np.float16)]
+    gl.glBindTexture(TEXTURE_2D, texture.glo)
+    for n in range(1, levels):
+        size = (max(1, texture.width >> n), max(1, texture.height >> n))
+        gl.glTexImage2D(TEXTURE_2D, n, internal, *size, 0, RGBA, component, None)
+    gl.glTexParameteri(TEXTURE_2D, TEXTURE_BASE_LEVEL, 0)
+    gl.glTexParameteri(TEXTURE_2D, TEXTURE_MAX_LEVEL, levels - 1)
+    gl.glBindTexture(TEXTURE_2D, 0)
+
+
+def level_buffer(ctx: Any, textures: Sequence[Any], level: int) -> Any:
+    """Return a `moderngl.Framebuffer` that writes one mip level of textures of one size."""
+    gl, made = RawGL(ctx), ctx.framebuffer(list(textures))
+    gl.glBindFramebuffer(FRAMEBUFFER, made.glo)
+    for n, texture in enumerate(textures):
+        place = COLOR_ATTACHMENT0 + n
+        gl.glFramebufferTexture2D(FRAMEBUFFER, place, TEXTURE_2D, texture.glo, level)
+    width, height = textures[0].size
+    made.viewport = (0, 0, max(1, width >> level), max(1, height >> level))
+    made.use()
+    return made
 
 
 def byte_count(levels: Sequence[NDArray[Any]]) -> int:

@@ -273,8 +273,8 @@ MISTAKES = (
     Mistake(
         "a loop of keys that jumps",
         "maths/keyframes.py",
-        "at = at - np.floor((at - when[0]) / period) * period if loop else at",
-        "at = np.mod(at, when[-1]) if loop else at",
+        "at = at - np.floor((at - when[0]) / period) * period if self.loop else at",
+        "at = np.mod(at, when[-1]) if self.loop else at",
         "tests/maths/test_keyframes.py",
     ),
     Mistake(

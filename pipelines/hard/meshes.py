@@ -142,6 +142,18 @@ def _layouts() -> Result:
     return equal(found.face, plain.face)
 
 
+meshes.row("G12b", "no rays at all", "no hits, of the right shape", "exact")
+
+
+@meshes.cell("G12b", "bake.rays")
+def _no_rays() -> Result:
+    none = np.zeros((0, 3), np.float32)
+    hits = _scene().intersect(none, none)
+    blocked = _scene().occluded(none, none)
+    found = (hits.face.shape, hits.distance.shape, hits.weights.shape, blocked.shape)
+    return all_of(*(equal(shape[0], 0, f"{shape}") for shape in found))
+
+
 meshes.row(
     "G13", "one edge reported twice", "no parity: majority of back faces", "inside set of a ball"
 )

@@ -1,4 +1,4 @@
-"""Hard cases of textures and blocks, of mips, of the lens and of the light of closed forms."""
+"""Hard cases of textures and blocks, of mips and of the lens."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from maths import area_lights, bc1, disc_lights, optics, polygon_lights
+from maths import bc1, optics
 from pipelines.hard.cells import Family, Result, all_of, at_most, equal, refused
 
 textures = Family("textures and lens")
@@ -177,115 +177,3 @@ def _srgb_ladder() -> Result:
     codes = np.arange(256)
     back = colour.quantise(colour.srgb_encode(colour.srgb_decode(codes / 255)))
     return equal(back, codes)
-
-
-lights = Family("light in closed form")
-DOWN = np.array([0.0, 1.0, 0.0])
-
-
-def close(found: object, truth: object, bound: float, why: str = "") -> Result:
-    return at_most(np.abs(np.asarray(found) / np.asarray(truth) - 1).max(), bound, why)
-
-
-lights.row("L1", "a ball above, cut by and below the horizon", "pi s^2 cos, then less, then 0",
-           "closed form; continuous across the horizon")  # fmt: skip
-
-
-@lights.cell("L1", "maths.area_lights")
-def _ball() -> Result:
-    angles = np.linspace(0, np.pi, 721)
-    centre = 2.0 * np.stack([np.sin(angles), np.cos(angles), 0 * angles], -1)
-    E = area_lights.sphere_irradiance(np.zeros(3), DOWN, centre, 1.0, [1.0] * 3)[:, 0]
-    above = angles <= np.pi / 3
-    return all_of(
-        close(E[above], np.pi / 4 * np.cos(angles[above]), 1e-12),
-        equal(E[angles >= 2 * np.pi / 3 + 1e-9], 0.0),
-        at_most(np.abs(np.diff(E)).max(), np.pi / 4 * np.pi / 720 * 1.01, "slope at most pi s^2"),
-    )
-
-
-lights.row("L2", "a ball that is touched, entered, far away or tiny", "finite, never above pi L",
-           "pi L is the whole hemisphere")  # fmt: skip
-
-
-@lights.cell("L2", "maths.area_lights")
-def _near() -> Result:
-    distance = np.array([1e-9, 0.5, 1.0, 1 + 1e-12, 1.05, 1e6, 1e15])
-    centre = distance[:, None] * DOWN
-    E = area_lights.sphere_irradiance(np.zeros(3), DOWN, centre, 1.0, [1.0] * 3)
-    return all_of(equal(np.isfinite(E).all(), True), at_most(E.max(), np.pi * (1 + 1e-12)))
-
-
-lights.row(
-    "L3", "a disc over its axis, from touching to far", "pi R^2 / (R^2 + h^2)", "closed form"
-)
-
-
-@lights.cell("L3", "maths.disc_lights")
-def _disc() -> Result:
-    h = 10.0 ** np.arange(-6.0, 7)
-    E = disc_lights.disc_irradiance(np.zeros(3), DOWN, h[:, None] * DOWN, -DOWN, 1.0, [1.0] * 3)
-    return close(E[:, 0], np.pi / (1 + h**2), 1e-9, "as measured at 1e6 radii")
-
-
-lights.row("L4", "a square over a corner, from touching to far", "two arc tangents a side",
-           "closed form")  # fmt: skip
-
-
-@lights.cell("L4", "maths.polygon_lights")
-def _square() -> Result:
-    h = 10.0 ** np.arange(-3.0, 4)
-    E = []
-    for x in h:
-        centre = np.array([0.5, x, 0.5])
-        corners = polygon_lights.rectangle_corners(centre, [0.5, 0, 0], [0, 0, 0.5])
-        E.append(polygon_lights.polygon_irradiance(np.zeros(3), DOWN, corners, [1.0] * 3)[0])
-    a = 1 / h
-    root = np.sqrt(1 + a * a)
-    return close(E, a / root * np.arctan(a / root), 1e-9, "rounding of areas at 1000 sides")
-
-
-lights.row(
-    "L5", "a flat light seen from behind or edge on", "0, or both sides where asked", "exact"
-)
-
-
-@lights.cell("L5", "maths.polygon_lights")
-def _behind() -> Result:
-    corners = polygon_lights.rectangle_corners([0, 1.0, 0], [1.0, 0, 0], [0, 0, -1.0])
-    back = polygon_lights.polygon_irradiance(np.zeros(3), DOWN, corners, [1.0] * 3)
-    both = polygon_lights.polygon_irradiance(np.zeros(3), DOWN, corners, [1.0] * 3, two_sided=True)
-    edge = polygon_lights.polygon_irradiance([5.0, 1, 0], DOWN, corners, [1.0] * 3)
-    return all_of(equal(back, 0.0), equal(edge, 0.0), equal(both > 0, True))
-
-
-lights.row("L6", "a sun that sets", "cos above, a part of the disc on the horizon, 0 below",
-           "monotone; half of it at 0 within the disc's own angle")  # fmt: skip
-
-
-@lights.cell("L6", "maths.area_lights")
-def _sunset() -> Result:
-    a = np.radians(np.linspace(-3, 3, 601))
-    towards = np.stack([np.cos(a), np.sin(a), 0 * a], -1)
-    E = area_lights.sun_irradiance(DOWN, towards, [1.0] * 3, np.radians(0.265))[:, 0]
-    high = a > np.radians(0.27)
-    return all_of(
-        close(E[high], np.sin(a[high]), 1e-6, "a disc of 0.27 degrees counts as its middle"),
-        equal(E[a < -np.radians(0.27)], 0.0), at_most(-np.diff(E).min(), 1e-15, "monotone"),
-    )  # fmt: skip
-
-
-lights.row("L7", "lights of radius 0, NaN places, other shapes", "refused or no light", "typed")
-for _name, _radius, _place in (("radius NaN", np.nan, 1.0), ("place NaN", 1.0, np.nan)):
-
-    def _none(radius: float = _radius, place: float = _place) -> Result:
-        try:
-            E = area_lights.sphere_irradiance(
-                np.zeros(3), DOWN, [0.0, 2 * place, 0], radius, [1.0] * 3
-            )
-        except (ValueError, FloatingPointError) as error:
-            return Result("refused", said=str(error))
-        # What is not finite is never silent inside a bake: scenes refuse it, rows M
-        return Result("ok", said=f"propagates: {E[0]}")
-
-    lights.add("L7", _name, _none)

@@ -38,7 +38,7 @@ class Panel:
     """One set of axes. lines : name -> points (x, y). marked : x of the default, or None.
     scales : "log" or "linear" for x and y. ticks : labels of x, where x counts 0, 1, 2, ...
     joined : draw lines between the points. slopes : tell the exponent of each line, by least
-    squares of logarithms."""
+    squares of logarithms. title : what this plot answers."""
 
     x: str
     y: str
@@ -48,6 +48,7 @@ class Panel:
     ticks: Sequence[str] = ()
     joined: bool = True
     slopes: bool = False
+    title: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +66,10 @@ class Answer:
     title : the answer, a sentence. truth : what it was measured against. rows : all measurements;
     those with COMMON's columns are points. unit : what `error` is, with its unit. axes : columns
     that points are drawn against, with their labels. measure : the column drawn there, as a rule
-    the error. shots : (subject, setting) -> what that point looks like. panels : further plots.
-    table : rows worth printing, by default all. figures : numbers that are cited. pictures : name
-    -> (h, w, 3) uint8. decibels : show -20 log10(error) beside the error.
+    the error. titles : column -> what the plot against it answers. shots : (subject, setting) ->
+    what that point looks like. panels : further plots. table : rows worth printing, by default all.
+    figures : numbers that are cited. pictures : name -> (h, w, 3) uint8. decibels : show -20
+    log10(error) beside the error.
     """
 
     question: str
@@ -78,6 +80,7 @@ class Answer:
     panels: Sequence[Panel] = ()
     axes: Mapping[str, str] = field(default_factory=lambda: PRICES)
     measure: str = "error"
+    titles: Mapping[str, str] = field(default_factory=dict)
     shots: Mapping[tuple[str, str], Shot] = field(default_factory=dict)
     table: Sequence[Row] = ()
     figures: dict[str, Any] = field(default_factory=dict)
@@ -153,6 +156,47 @@ def front(points: Sequence[tuple[float, float]]) -> list[int]:
             best = points[i][1]
             found.append(i)
     return found
+
+
+def worth(points: Sequence[Row], column: str) -> str:
+    """Say what the points answer of a price: where the default stands, or how many are worth it.
+
+    Subjects are compared each with itself; what is told is the middle one.
+    """
+    shares, least = [], []
+    for subject in dict.fromkeys(str(row["subject"]) for row in points):
+        own = [r for r in points if r["subject"] == subject and column in r and "error" in r]
+        for row in (r for r in own if r["default"]):
+            best = min(own, key=lambda r: (float(r["error"]), float(r[column])))
+            least.append(float(row["error"]) / max(float(best["error"]), 1e-300))
+            shares.append(float(row[column]) / max(float(best[column]), 1e-300))
+    name = {"bake_seconds": "seconds to bake", "frame_ms": "time a frame"}.get(column, column)
+    if shares:
+        times, share = float(np.median(least)), float(np.median(shares))
+        if times < 1.005:
+            return "The default has the least error here"
+        return f"The default has {times:.2f} times the least error for {share:.2g} of its {name}"
+    places = [(float(r[column]), float(r["error"])) for r in points if column in r and "error" in r]
+    return f"{len(front(places))} of {len(places)} are worth their {name}"
+
+
+def trend(points: Sequence[Row], column: str, label: str) -> str:
+    """Say what becomes of the error from the least to the largest value of a column: the middle
+    one of all series of all subjects."""
+    shares, ends = [], []
+    for group in dict.fromkeys((r["subject"], r["series"]) for r in points):
+        own = [r for r in points if (r["subject"], r["series"]) == group and column in r]
+        own = sorted((r for r in own if "error" in r), key=lambda r: float(r[column]))
+        if len(own) > 1 and float(own[-1]["error"]) > 0:
+            shares.append(float(own[0]["error"]) / float(own[-1]["error"]))
+            ends += [float(own[0][column]), float(own[-1][column])]
+    if not shares:
+        return ""
+    share = float(np.median(shares))
+    how = f"falls {share:.2g} times" if share >= 1 else f"grows {1 / share:.2g} times"
+    if abs(share - 1) < 0.05:
+        how = "stays"
+    return f"From {min(ends):,.4g} to {max(ends):,.4g} {label.split(',')[0]} the error {how}"
 
 
 def lines_of(

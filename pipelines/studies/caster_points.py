@@ -25,7 +25,8 @@ from maths.spherical_lights import project_sphere
 from pipelines.studies import interval
 from pipelines.studies.answer import Answer, Picture, Row, Shot, point
 from pipelines.studies.shadow_steps import own_harmonics
-from pipelines.studies.subjects import Setting, processor_seconds
+from pipelines.studies.stages import processor_seconds
+from pipelines.studies.subjects import Setting
 
 Array = NDArray[np.float64]
 

@@ -93,6 +93,11 @@ class Card:
         self._made.append(made)
         return made
 
+    def single(self, volume: VoxelVolume, faces: Faces, **knobs: Any) -> Gather:
+        """Return a gather that never ends by itself; who asks for it frees it."""
+        knobs = {"error": 0.0, **knobs}
+        return Gather(self.ctx, self._programs, volume, faces, knobs=Knobs(**knobs))
+
     def seconds(self, gather: Gather, passes: int) -> float:
         """Add passes; return processor seconds of all threads: software draws with those."""
         self.ctx.finish()

@@ -76,12 +76,30 @@ def measure(setting: Setting) -> Answer:
         decibels=True,
         shots=shots,
         panels=(
-            Panel("channels", "held-out PSNR of one fold, dB", by_channels, marked=DEFAULT),
-            Panel("penalty", "leave-one-light-out PSNR, dB", by_penalty),
+            Panel(
+                "channels", "held-out PSNR of one fold, dB", by_channels, marked=DEFAULT,
+                title=f"{DEFAULT} channels meet unseen lights to {ours}",
+            ),
+            Panel(
+                "penalty", "leave-one-light-out PSNR, dB", by_penalty,
+                title="Best without weights: " + ", ".join(best_knobs(rows)),
+            ),
         ),
         table=table,
         figures=figures,
-    )
+    )  # fmt: skip
+
+
+def best_knobs(rows: list[Row]) -> list[str]:
+    """Say at which bands and penalty an unweighted fit of each space errs least."""
+    found = []
+    for space in SPACES:
+        own = [r for r in rows if r.get("space") == space and r.get("weight_exponent") == 0]
+        own = [r for r in own if r.get("measured") != "held-out fold" and "expected_db" in r]
+        if own:
+            best = max(own, key=lambda r: float(r["expected_db"]))
+            found.append(f"{space} {best['bands']} bands, penalty {float(best['penalty']):g}")
+    return found
 
 
 def subject(setting: Setting, space: Space) -> Photographs:

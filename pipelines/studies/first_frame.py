@@ -16,6 +16,10 @@ if TYPE_CHECKING:
 
 def main(scene_file: str, out: str, width: str, height: str) -> None:
     """Draw the middle of the scene's time."""
+    from pipelines import start
+
+    start.lean()
+    start.to_draw()
     from formats import scene as scenes
     from pipelines import current
 

@@ -10,7 +10,7 @@ that suits it best, over all blurs and sizes at once; PSNR is of premultiplied R
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,7 +19,8 @@ from bake import mips
 from maths.colour import srgb_encode
 from pipelines.studies.answer import Answer, Panel, Picture, Row, Shot, point
 from pipelines.studies.interval import rms
-from pipelines.studies.subjects import Setting, processor_seconds, relit, traced
+from pipelines.studies.stages import processor_seconds
+from pipelines.studies.subjects import Setting, relit, traced
 from pipelines.studies.thin_lens import (
     CONTENT,
     FINE,
@@ -88,7 +89,11 @@ def measure(setting: Setting) -> Answer:
     for name, mesh in setting.meshes("oak", "lantern", "knot").items():
         fine = relit(
             traced(
-                mesh, resolution=FINE * CONTENT, samples=4, lights=setting.pick(8, 16), held_out=0
+                mesh,
+                resolution=FINE * CONTENT,
+                samples=setting.pick(1, 4),
+                lights=setting.pick(8, 16),
+                held_out=2,
             ),
             AZIMUTH,
         )
@@ -275,13 +280,22 @@ def _answer(
                 by_blur,
                 scales=("linear", "linear"),
                 ticks=[str(b) for b in blurs],
+                title=f"{first[0].capitalize()} is best at {ahead(by_blur, first[0])} of "
+                f"{len(blurs)} blurs",
             ),
-            Panel("size on the screen, pixels (512 texels)", "PSNR, dB", by_size),
+            Panel(
+                "size on the screen, pixels (512 texels)",
+                "PSNR, dB",
+                by_size,
+                title=f"{first[0].capitalize()} is best at {ahead(by_size, first[0])} of "
+                f"{len(sizes)} sizes",
+            ),
             Panel(
                 "half-width of the kernel, texels",
                 "mean PSNR, dB",
                 by_width,
                 marked=first[1],
+                title=f"A half-width of {first[1]:g} texels suits {first[0]} best of those tried",
                 scales=("linear", "linear"),
             ),
         ),
@@ -295,6 +309,12 @@ def _answer(
             "unit_of_steps": "1/255, for a change of 1e-4 of the level",
         },
     )
+
+
+def ahead(lines: Mapping[str, Sequence[tuple[float, float]]], name: str) -> int:
+    """Count the places where one line is the highest."""
+    best = [max(line[i][1] for line in lines.values()) for i in range(len(lines[name]))]
+    return sum(y >= most for (_, y), most in zip(lines[name], best, strict=True))
 
 
 def _mean(rows: list[Row], filter: str, width: float, column: str, value: int) -> float:

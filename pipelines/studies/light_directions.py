@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from formats.coefficients import Coefficients
 from pipelines.studies import sprite_errors
 from pipelines.studies.answer import PRICES, Answer, Panel, Row, Shot, point
-from pipelines.studies.subjects import Setting, processor_seconds, traced
+from pipelines.studies.subjects import Setting, traced, traced_in
 
 TAKES = ("mesh",)
 TRUTH = 512
@@ -40,9 +40,7 @@ def measure(setting: Setting) -> Answer:
         floor = truth.quality["held_out_psnr"]
         stage = sprite_errors.stage(mesh, truth)
         for count in QUICK if setting.quick else COUNTS:
-            master, seconds = processor_seconds(
-                traced, mesh, **knobs, lights=count, lights_per_sample=count
-            )
+            master, seconds = traced_in(mesh, **knobs, lights=count, lights_per_sample=count)
             error = relit_error(master.terms[0], truth.terms[0], truth.alpha[0])
             decibels = float(20 * np.log10(peak_of(truth) / error))
             held_out = master.quality["held_out_psnr"]
@@ -72,7 +70,16 @@ def measure(setting: Setting) -> Answer:
         axes={"directions": "light directions", **PRICES},
         decibels=True,
         shots=shots,
-        panels=(Panel("light directions", "PSNR, dB", lines, marked=DEFAULT),),
+        panels=(
+            Panel(
+                "light directions",
+                "PSNR, dB",
+                lines,
+                marked=DEFAULT,
+                title=f"From {enough} directions on lights that no bake saw are met as well as by "
+                f"{TRUTH}",
+            ),
+        ),
         figures={"enough": enough, "truth": TRUTH},
     )
 

@@ -24,7 +24,8 @@ from pipelines.studies import normal_mapped, sprite_methods
 from pipelines.studies.answer import Answer, Panel, Row, Shot, point
 from pipelines.studies.interval import rms
 from pipelines.studies.sprite_methods import Relit
-from pipelines.studies.subjects import Setting, processor_seconds
+from pipelines.studies.stages import processor_seconds
+from pipelines.studies.subjects import Setting
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -223,4 +224,16 @@ def _panel(rows: list[Row], part: str) -> Panel:
     }
     ticks = [method.replace("_", "\n") for method in BYTES]
     title = {"all": "all lights", "near_ring": f"within {NEAR:g} degrees of the ring"}
-    return Panel("", f"PSNR, dB ({title[part]})", lines, scales=("linear", "linear"), ticks=ticks)
+    means = {
+        method: float(np.mean([float(r[part]) for r in rows if r["method"] == method]))
+        for method in ("normal_16", "ring", "dome")
+    }
+    return Panel(
+        "",
+        f"PSNR, dB ({title[part]})",
+        lines,
+        scales=("linear", "linear"),
+        ticks=ticks,
+        title=f"{title[part].capitalize()}: dome {means['dome']:.1f} dB, ring {means['ring']:.1f}, "
+        f"normal map of as many bytes as the dome {means['normal_16']:.1f}, on the mean",
+    )

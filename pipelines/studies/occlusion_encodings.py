@@ -4,13 +4,14 @@ Far round lights of 10, 20, 30 and 45 degrees at random places, the share of eac
 clamped to 0..1; RMS error over points outside the solid: anywhere in the volume, and in the middles
 of 32^3 voxels, where an encoding of that very grid need not interpolate and a fit to it is at its
 best. The truth is 4,096 rays a point of their own, turned otherwise than those of the bake. First
-encodings of one traced volume of 32^3, then one knob at a time of the two that are shipped.
+encodings of one traced volume of 32^3, then the two that are shipped, by their size.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +24,11 @@ from maths import bc7, spherical_harmonics
 from maths.occlusion_shadow import occlusion_place
 from maths.principal_components import principal_components
 from maths.trilinear import looked_up
+from pipelines.studies import stages
 from pipelines.studies.answer import PRICES, Answer, Panel, Picture, Row, Shot, point
 from pipelines.studies.interval import rms as rms_of
-from pipelines.studies.subjects import Setting, processor_seconds
+from pipelines.studies.stages import processor_seconds
+from pipelines.studies.subjects import Setting
 
 Array = NDArray[np.float64]
 Float = NDArray[np.float32]
@@ -37,16 +40,15 @@ DEGREES = tuple(round(float(np.degrees(radius))) for radius in occlusion_proof.R
 PLACES = ("anywhere", "voxels")
 TALK = compress.Params()
 CITED = 1  # of DEGREES: what points are drawn by
-FLOOR = 48  # points a side, of a picture
+POINTS, FLOOR = (150, 1500), (24, 48)  # quick and full: points, and a picture's points a side
 
 
 def measure(setting: Setting) -> Answer:
     """Measure encodings of one volume, then each knob of the shipped ones, on several meshes."""
     rows: list[Row] = []
     shots: dict[tuple[str, str], Shot] = {}
-    for name, mesh in setting.meshes("bust", "mushrooms", "knot").items():
-        bench = Bench(name, mesh, truth(mesh, setting.pick(300, 1500), setting.seed), floor(mesh))
-        rows += [*table(bench), *front(bench, setting)]
+    for bench in benches(setting, "bust", "mushrooms", "knot"):
+        rows += [*table(bench, setting), *front(bench, setting)]
         shots |= bench.shots
     ratios = {size: worst(rows, size) for size in (512, 128)}
     shares = {
@@ -68,6 +70,20 @@ def measure(setting: Setting) -> Answer:
         table=[row for row in rows if row["part"] in ("table", "size")],
         figures={f"bands_{size}": found for size, found in ratios.items()},
     )
+
+
+def benches(setting: Setting, *names: str) -> Iterator[Bench]:
+    """Give each mesh with its truth."""
+    for name, mesh in setting.meshes(*names).items():
+        yield Bench(name, mesh, *proofs(setting, name))
+
+
+@lru_cache(maxsize=4)
+def proofs(setting: Setting, name: str) -> tuple[dict[str, Points], Points]:
+    """Return the truth of a mesh and that of its floor, once for all studies of a run."""
+    mesh = setting.meshes(name)[setting.source.stem if setting.source else name]
+    points = truth(mesh, setting.pick(*POINTS), setting.seed)
+    return points, floor(mesh, setting.pick(*FLOOR))
 
 
 @dataclass(frozen=True)
@@ -98,14 +114,14 @@ def truth(mesh: Mesh, count: int, seed: int) -> dict[str, Points]:
     return found
 
 
-def floor(mesh: Mesh) -> Points:
-    """Trace what points of a floor under a mesh see of the same lights, turned so that the first
-    stands high."""
+def floor(mesh: Mesh, side: int) -> Points:
+    """Trace what side x side points of a floor under a mesh see of the same lights, turned so that
+    the first stands high."""
     used, faces = np.unique(mesh.faces, return_inverse=True)
     vertices, faces = mesh.vertices[used], faces.reshape(-1, 3).astype(np.int64)
     box, _, _ = occlusion.box_of(vertices)
     scene = RayScene(vertices, faces)
-    across = 1.9 * (2 * (np.arange(FLOOR) + 0.5) / FLOOR - 1)
+    across = 1.9 * (2 * (np.arange(side) + 0.5) / side - 1)
     x, z = np.meshgrid(across, across)
     place = np.stack([x, np.full_like(x, -1.05), z], axis=-1).reshape(-1, 3)
     points = np.asarray(box.centre) + place * box.half_extent
@@ -143,7 +159,9 @@ class Bench:
         """Return the volume of those knobs, once, and the processor's seconds of its rays."""
         params = occlusion.Params(**{"grid": GRID, "rays": RAYS, "l_max": L_MAX, **knobs}, proof=0)
         if params not in self.traced:
-            self.traced[params] = processor_seconds(occlusion.trace, self.mesh, params=params)
+            self.traced[params] = stages.run(
+                occlusion.trace, self.mesh, OcclusionHarmonics.load, params=params
+            )
         return self.traced[params]
 
     def row(self, part: str, encoding: str, lookup: Lookup, **more: float) -> Row:
@@ -170,7 +188,8 @@ class Bench:
         )
         if self.floor is not None:
             pictures = (left(self.floor, lookup), self.floor.shadow)
-            made, seen = (grey(p[CITED, 0].reshape(FLOOR, FLOOR)) for p in pictures)
+            side = round(len(self.floor.p) ** 0.5)
+            made, seen = (grey(p[CITED, 0].reshape(side, side)) for p in pictures)
             self.shots[self.name, encoding + knobs] = Shot(made, seen)
         return found | more | told
 
@@ -189,8 +208,8 @@ def lookups(asset: Occlusion) -> int:
     return sum(len(grid) for grid in asset.grids)
 
 
-def table(bench: Bench) -> Iterator[Row]:
-    """Encodings of one volume of 32^3, l_max 7."""
+def table(bench: Bench, setting: Setting) -> Iterator[Row]:
+    """Encodings of one volume of 32^3, l_max 7; a quick run leaves out the slowest codes."""
     master, seconds = bench.trace()
     terms, outside = master.terms, ~master.inside
     told = {"grid": GRID, "l_max": L_MAX, "rays": RAYS}
@@ -200,7 +219,7 @@ def table(bench: Bench) -> Iterator[Row]:
         costs = {"numbers": numbers, "lookups": -(-numbers // 4), "kib": kib, "seconds": seconds}
         return bench.row("table", name, even(stored), **told, **costs)
 
-    for count, K in ((16, 25), (16, 36), (32, 64)):
+    for count, K in ((16, 25), (16, 36), (32, 64))[: setting.pick(2, 3)]:
         vectors = principal_components(terms[outside][:, :K], count).vectors.astype(np.float32)
         scores = terms[..., :K] @ vectors.T
         if count == 16:
@@ -208,7 +227,7 @@ def table(bench: Bench) -> Iterator[Row]:
         if K > 25:
             yield row(f"PCA {count} of {K}, BC7", in_blocks(scores) @ vectors, count, 2)
     yield row("SH 16, RGBA8", rounded(terms[..., :16]), 16, 8)
-    for K in (36, 64):
+    for K in (36, 64)[: setting.pick(1, 2)]:
         yield row(f"SH {K}, BC7", in_blocks(terms[..., :K]), K, 2)
         mixed = np.concatenate([rounded(terms[..., :4]), in_blocks(terms[..., 4:K])], axis=-1)
         yield row(f"SH 4, RGBA8 + {K - 4}, BC7", mixed, K, (8 * 4 + 2 * (K - 4)) / K)
@@ -223,24 +242,13 @@ def table(bench: Bench) -> Iterator[Row]:
 
 
 def front(bench: Bench, setting: Setting) -> Iterator[Row]:
-    """The shipped encodings, one knob at a time: part names the knob."""
+    """The shipped encodings by their size: part names the knob that sets it."""
     bands = replace(TALK, encoding="bands")
     for grid in (16, 32, 64)[: setting.pick(2, 3)]:
         yield bench.shipped("grid", TALK, grid=grid, l_max=4)
     for l_max, size in ((3, 32), (4, 64), (5, 128), (6, 256), (7, 512), (8, 1024)):
         if not setting.quick or size in (128, 512):
             yield bench.shipped("size", replace(bands, size=size), l_max=l_max)
-    if setting.quick:
-        return
-    for grid in (16, 24, 48, 64):
-        yield bench.shipped("grid", bands, grid=grid)
-    for l_max in range(2, 8):
-        yield bench.shipped("l_max", TALK, l_max=l_max)
-        for size in (128, 512):
-            yield bench.shipped("l_max", replace(bands, size=size), l_max=l_max)
-    for rays in (64, 256, 1024, 4096):
-        yield bench.shipped("rays", TALK, l_max=4, rays=rays)
-        yield bench.shipped("rays", bands, rays=rays)
 
 
 def even(volume: Float) -> Lookup:
@@ -307,6 +315,10 @@ def worst(rows: list[Row], size: int) -> dict[str, dict[str, float]]:
 
 def panels(rows: list[Row]) -> tuple[Panel, ...]:
     """Plot the error for lights of 10 and 30 degrees against each price, of one mesh."""
+    sized = [row for row in rows if row["part"] == "size"]
+    falls = [float(sized[0][f"anywhere_{d}"]) / float(sized[-1][f"anywhere_{d}"]) for d in (10, 30)]
+    title = f"From {float(sized[0]['kib']):.0f} to {float(sized[-1]['kib']):.0f} KiB of bands "
+    title += f"lights of 10 degrees gain {falls[0]:.1f} times, of 30 {falls[1]:.1f} times"
     y, logarithms = "RMS error of the shadow factor", ("log", "log")
     rows = [row | {"block": "BC7" if str(row["encoding"]).endswith("BC7") else ""} for row in rows]
 
@@ -325,13 +337,9 @@ def panels(rows: list[Row]) -> tuple[Panel, ...]:
         return found
 
     sizes = {"talk": "grid", "bands": "size", "BC7": "table"}
-    bands = lines("l_max", talk="l_max", bands="size")
-    seconds = lines("seconds", talk="rays grid", bands="rays grid")
     return (
-        Panel("KiB", y, lines("kib", **sizes), None, logarithms),
+        Panel("KiB", y, lines("kib", **sizes), None, logarithms, title=title),
         Panel("lookups a pixel", y, lines("lookups", **sizes), None, logarithms, joined=False),
-        Panel("highest band", y, bands),
-        Panel("seconds of the processor", y, seconds, None, logarithms, joined=False),
     )
 
 

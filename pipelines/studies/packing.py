@@ -17,7 +17,8 @@ from maths import bc7
 from maths.image_error import psnr
 from pipelines.studies import sprite_errors
 from pipelines.studies.answer import Answer, Panel, Row, Shot, point
-from pipelines.studies.subjects import Setting, processor_seconds, traced
+from pipelines.studies.stages import processor_seconds
+from pipelines.studies.subjects import Setting, traced_in
 
 TAKES = ("mesh",)
 PACKINGS = {"full": ("full", "chroma"), "chroma": ("twelve", "chroma"), "talk": ("twelve", "talk")}
@@ -31,8 +32,8 @@ def measure(setting: Setting) -> Answer:
     lines: dict[str, list[tuple[float, float]]] = {}
     shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("knot", "lantern", "oak", "flowers").items():
-        master, traced_in = processor_seconds(
-            traced, mesh, resolution=setting.pick(64, 256), samples=setting.pick(4, 16), held_out=16
+        master, spent = traced_in(
+            mesh, resolution=setting.pick(64, 256), samples=setting.pick(4, 16), held_out=16
         )
         stage = sprite_errors.stage(mesh, master)
         for i, (label, (packing, unpack)) in enumerate(PACKINGS.items()):
@@ -57,7 +58,7 @@ def measure(setting: Setting) -> Answer:
                         f"{label}, {stored}",
                         sprite_errors.held_out(master, Y),
                         series=label,
-                        bake_seconds=traced_in + seconds,
+                        bake_seconds=spent + seconds,
                         bytes=size,
                         default=(label, stored) == DEFAULT,
                         packing=label,
@@ -89,6 +90,8 @@ def measure(setting: Setting) -> Answer:
                 "loss of held-out PSNR, dB",
                 lines,
                 marked=list(PACKINGS).index(DEFAULT[0]),
+                title=f"Twelve channels lose {packings['chroma']:.2f} dB at most, the talk's "
+                f"{packings['talk']:.2f} dB",
                 scales=("linear", "linear"),
                 ticks=tuple(PACKINGS),
                 joined=False,

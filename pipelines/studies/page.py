@@ -11,6 +11,7 @@ import io
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,11 @@ SEEN = 60  # codes that the larger differences should be shown as
 def part(answer: Answer, asked: str, told: Mapping[str, Any]) -> str:
     """Return the part of the page for one answer. told : what its JSON says."""
     name, rows = answer.question, answer.table or answer.rows
-    drawn = "".join(f'<div class="plot">{svg}</div>' for svg in plots.inline(answer))
+    titles = [plots.title_of(answer, what) for what in plots.plotted(answer)]
+    drawn = "".join(
+        f'<figure class="plot"><figcaption>{escape(title)}</figcaption>{svg}</figure>'
+        for title, svg in zip_longest(titles, plots.inline(answer), fillvalue="")
+    )
     images, shots = gallery(answer)
     data: dict[str, Any] = {
         "points": [described(answer, row, shots.get(key(row))) for row in answer.points]

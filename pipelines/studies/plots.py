@@ -13,12 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from pipelines.studies.answer import PRICES, Answer, Panel, Row, front, slope_of
+from pipelines.studies.answer import PRICES, Answer, Panel, Row, front, slope_of, trend, worth
 
 # Okabe and Ito 2008, Color Universal Design
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000", "#A89B00")
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "p")
 POINT = "point-"
+WIDE, HIGH = 3.7, 2.7  # inches, of axes
+SIDES = 0.75, 0.7  # inches beside them
+TURNED = 0.55  # inches more below them, for names that are turned
 LEAST_RANGE = 2.0  # of a price, largest over smallest
 MOST_NAMED = 24  # entries of a legend
 INK = "#000000"
@@ -29,20 +32,31 @@ ANGLES = ("elevation",)  # columns that no logarithm suits
 def draw(answer: Answer, stem: Path) -> list[Path]:
     """Plot all panels side by side, as SVG and PNG; return their paths."""
     pyplot = _pyplot(answer.question)
-    every: list[str | Panel] = [*answer.columns(), *answer.panels]
+    every = plotted(answer)
     columns = min(3, len(every))
-    rows = -(-len(every) // columns)
-    figure, axes = pyplot.subplots(
-        rows, columns, figsize=(5.2 * columns, 4.4 * rows), squeeze=False, layout="constrained"
-    )
-    for one, what in zip(axes.ravel(), every, strict=False):
-        _draw(one, answer, what)
-    for one in axes.ravel()[len(every) :]:
-        one.axis("off")
-    figure.suptitle(_wrapped(answer.title, 32 * columns), fontsize=10)
-    # Laid out once for both files
-    figure.draw_without_rendering()
-    figure.set_layout_engine("none")
+    figure = pyplot.figure()
+    rooms: list[tuple[Any, tuple[float, float]]] = []
+    for what in every:
+        axes = figure.add_axes((0, 0, 1, 1), label=str(len(rooms)))
+        _draw(axes, answer, what)
+        rooms.append((axes, _room(axes)))
+    title = _wrapped(answer.title, 32 * columns)
+    head = 0.3 + 0.17 * (title.count("\n") + 1)
+    lines = [rooms[a : a + columns] for a in range(0, len(rooms), columns)]
+    heights = [HIGH + max(r[0] for _, r in line) + max(r[1] for _, r in line) for line in lines]
+    size = columns * (WIDE + SIDES[0] + SIDES[1]), head + sum(heights)
+    figure.set_size_inches(size)
+    top = size[1] - head
+    for line, height in zip(lines, heights, strict=True):
+        above = max(room[1] for _, room in line)
+        for column, (axes, _) in enumerate(line):
+            left = column * (WIDE + SIDES[0] + SIDES[1]) + SIDES[0]
+            box = left / size[0], (top - above - HIGH) / size[1], WIDE / size[0], HIGH / size[1]
+            axes.set_position(box)
+            for twin in axes._twinned_axes.get_siblings(axes):
+                twin.set_position(box)
+        top -= height
+    figure.suptitle(title, fontsize=10, y=1 - 0.12 / size[1], va="top")
     files = [stem.with_suffix(".svg"), stem.with_suffix(".png")]
     figure.savefig(files[0], metadata={"Date": None})
     figure.savefig(files[1], dpi=110)
@@ -52,19 +66,44 @@ def draw(answer: Answer, stem: Path) -> list[Path]:
 
 
 def inline(answer: Answer) -> Iterator[str]:
-    """Give each panel as SVG for a page, in the page's own ink.
+    """Give each of what is plotted as SVG for a page, in the page's own ink, without its title.
 
     Points that can be chosen have the class `point` and, as `data-point`, their place in
     `answer.points`."""
     pyplot = _pyplot(answer.question)
-    every: list[str | Panel] = [*answer.columns(), *answer.panels]
-    for number, what in enumerate(every):
-        figure, axes = pyplot.subplots(figsize=(4.9, 4.1), layout="constrained")
-        _draw(axes, answer, what)
+    for number, what in enumerate(plotted(answer)):
+        figure = pyplot.figure()
+        axes = figure.add_axes((0, 0, 1, 1))
+        _draw(axes, answer, what, titled=False)
+        below, above = _room(axes)
+        size = WIDE + SIDES[0] + SIDES[1], HIGH + below + above
+        figure.set_size_inches(size)
+        for one in figure.axes:
+            one.set_position((SIDES[0] / size[0], below / size[1], WIDE / size[0], HIGH / size[1]))
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
         pyplot.close(figure)
         yield _for_page(_lean(buffer.getvalue()), f"{answer.question}-{number}-")
+
+
+def plotted(answer: Answer) -> list[str | Panel]:
+    """Return what is drawn, in order: columns that points are drawn against, and panels."""
+    return [*answer.columns(), *answer.panels]
+
+
+def _room(axes: Any) -> tuple[float, float]:
+    """Return the inches that legend and title take below and above: what a layout would find by
+    drawing everything once more."""
+    legend = axes.get_legend()
+    rows = -(-len(legend.get_texts()) // legend._ncols) if legend else 0
+    title = axes.get_title(loc="left")
+    above = 0.12 if not title else 0.2 + 0.145 * (title.count("\n") + 1)
+    return 0.6 + 0.14 * rows + (TURNED if _turned(axes) else 0.0), above
+
+
+def _turned(axes: Any) -> bool:
+    """Say whether the names below an axis are turned."""
+    return any(label.get_rotation() for label in axes.get_xticklabels())
 
 
 def _pyplot(question: str) -> Any:
@@ -79,12 +118,28 @@ def _pyplot(question: str) -> Any:
     return pyplot
 
 
-def _draw(axes: Any, answer: Answer, what: str | Panel) -> None:
+def _draw(axes: Any, answer: Answer, what: str | Panel, *, titled: bool = True) -> None:
     if isinstance(what, Panel):
         _panel(axes, what)
     else:
         _priced(axes, answer, what)
     axes.grid(alpha=0.25, linewidth=0.6)
+    told = title_of(answer, what)
+    if told and titled:
+        axes.set_title(_wrapped(told, 62), fontsize=8.5, loc="left")
+
+
+def title_of(answer: Answer, what: str | Panel) -> str:
+    """Return what one plot answers: its own title, or what its points say of a price."""
+    if isinstance(what, Panel):
+        return what.title
+    if what in answer.titles:
+        return answer.titles[what]
+    if answer.measure != "error":
+        return ""
+    if what in PRICES:
+        return worth(answer.points, what)
+    return trend(answer.points, what, answer.axes[what])
 
 
 def _priced(axes: Any, answer: Answer, column: str) -> None:
@@ -245,8 +300,9 @@ def _decibels(axes: Any, answer: Answer) -> None:
 def _legend(axes: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
     wide = max((len(label) for label in labels), default=0) > 26
+    below = -(0.45 + (TURNED if _turned(axes) else 0.0)) / HIGH
     axes.legend(
-        handles, labels, loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=1 if wide else 2,
+        handles, labels, loc="upper center", bbox_to_anchor=(0.5, below), ncols=1 if wide else 2,
         fontsize=7, frameon=False,
     )  # fmt: skip
 

@@ -67,6 +67,7 @@ def measure(setting: Setting) -> Answer:
                 },
                 marked=RING,
                 scales=("linear", "linear"),
+                title=f"Axis {axis}: up to {most_lost(table, axis):.0f} dB are lost off the ring",
             )
             for axis in ("view", "up")
         ],
@@ -83,6 +84,11 @@ def loss_at(rows: list[Row], elevation: float) -> float:
     """Return the most that g^h loses against a ring of that elevation, over all subjects, dB."""
     here = [row for row in rows if elevation_of(row) == elevation and "gain_db" in row]
     return max(float(row["own ring"]) - float(row["g^h"]) for row in here)
+
+
+def most_lost(table: list[Row], axis: str) -> float:
+    """Return the most that g^h loses against a ring of the light's own elevation, dB."""
+    return max(float(r["own ring"]) - float(r["g^h"]) for r in table if r["axis"] == axis)
 
 
 def _rows(

@@ -18,7 +18,7 @@ from typing import Any
 from bake import machine
 from formats.errors import BakelightError, InputError
 from pipelines.studies import answer as answers
-from pipelines.studies import kept, page, record
+from pipelines.studies import kept, page, record, stages
 from pipelines.studies.subjects import Setting
 
 # One module a question: its first line is the question, `measure(setting)` the answer, and TAKES
@@ -33,17 +33,25 @@ QUESTIONS = (
     "normal_map",
     "sprite_lights",
     "lens_by_mips",
+    "sampling_pattern",
     "occlusion_rays",
+    "occlusion_bands",
+    "occlusion_grid",
     "occlusion_encodings",
     "caster_points",
     "shadow_lights",
     "shadow_truth",
     "watertight",
     "gather_lights",
+    "importance",
     "gather_modes",
+    "gather_rays",
+    "gather_bounces",
+    "lightmap_texels",
     "voxel_storage",
 )
-LONG = ("price",)
+STORE = Path("build/store")
+LONG = ("price", "presets", "coverage")
 """Only where they are named: they bake for ten minutes and more."""
 KINDS = {
     ".lp": "photographs",
@@ -71,13 +79,15 @@ def run(
     source: Path | None,
     again: bool = False,
     as_json: bool = False,
+    store: Path | None = None,
 ) -> None:
     """Run the studies named, or all; write their files into `out`, print a table each, and put the
     page together.
 
     questions : names of QUESTIONS; "list" alone prints them. again : measure what is kept, too.
-    as_json : print nothing but JSON on standard output. InputError for other names and for a source
-    that is not there.
+    as_json : print nothing but JSON on standard output. store : where stages find and leave what
+    they bake, by default build/store. InputError for other names and for a source that is not
+    there.
     """
     from rich.console import Console
 
@@ -93,7 +103,8 @@ def run(
     if source is not None and not source.is_file():
         raise InputError(source, "", "no such file", "check the path")
     setting = Setting(quick=quick, source=source)
-    done, failed = all_of(questions or QUESTIONS, out, setting, again=again, console=console)
+    with stages.into(store or STORE, out / "bakes.json"):
+        done, failed = all_of(questions or QUESTIONS, out, setting, again=again, console=console)
     written = together(out)
     if as_json:
         print(json.dumps(summary(out, done, written), indent=1))

@@ -17,10 +17,11 @@ from formats.mesh import Mesh
 from pipelines.studies import ray_calls, sprite_errors
 from pipelines.studies.answer import PRICES, Answer, Panel, Row, Shot, lines_of, point
 from pipelines.studies.light_directions import peak_of, relit_error
-from pipelines.studies.subjects import Setting, processor_seconds, traced
+from pipelines.studies.subjects import Setting, traced, traced_in
 
 TAKES = ("mesh",)
 ASKED = (4, 6, 8, 12, 16, 32, 64)
+QUICK = (4, 8, 16)
 SAMPLES = 16
 LIGHTS = (64, 96)
 DEFAULT = 8
@@ -29,7 +30,7 @@ TRUTH = 16  # times the subsamples
 
 def measure(setting: Setting) -> Answer:
     """Bake with fewer and fewer shadow rays and compare with all of them."""
-    resolution = setting.pick(48, 128)
+    resolution = setting.pick(40, 128)
     rows: list[Row] = []
     shots: dict[tuple[str, str], Shot] = {}
     for name, mesh in setting.meshes("knot", "oak").items():
@@ -55,6 +56,7 @@ def measure(setting: Setting) -> Answer:
                 "PSNR against every light, dB",
                 lines_of(rows, "lights_per_sample", "psnr_db", "series"),
                 DEFAULT,
+                title=f"{DEFAULT} lights a subsample err by {added:.2g} dB more than all of them",
             ),
         ),
         figures={"share_of_rays": saved, "loss_db": added, "held_out_loss_db": seen},
@@ -76,13 +78,13 @@ def _rows(
     stage = sprite_errors.stage(mesh, truth)
     rows: list[Row] = []
     seen: set[int] = set()
-    for asked in (*ASKED, lights):
+    for asked in (*(QUICK if setting.quick else ASKED), lights):
         least = min(asked, lights)
         per_sample = lights // turns_of(lights, SAMPLES, 5, least)
         if per_sample in seen:
             continue
         seen.add(per_sample)
-        master, seconds = processor_seconds(traced, mesh, **alone, lights_per_sample=least)
+        master, seconds = traced_in(mesh, **alone, lights_per_sample=least)
         error = relit_error(master.terms[0], truth.terms[0], truth.alpha[0])
         params = billboard.Params(**alone | {"lights_per_sample": least, "held_out": 0})
         what = f"{per_sample} of {lights} lights"

@@ -30,7 +30,7 @@ from formats.meshes import Shadow
 from formats.occlusion import Occlusion
 from maths.image_error import psnr
 from pipelines.bake_scene import bake_scene
-from pipelines.studies import interval, shadow_steps
+from pipelines.studies import interval, shadow_steps, stages
 from pipelines.studies.answer import Answer, Panel, Row, Shot, point
 from pipelines.studies.subjects import Setting
 from runtime.player import Player
@@ -59,6 +59,7 @@ VOLUMES: dict[str, Volume] = {
 }
 QUICK = ("no shadows", TALK, "bands L5, 128 KiB", OWN)
 AMPLIFIED = 4
+PIXELS = (40, 22), shadow_steps.PIXELS  # whose shares are taken apart, quick and full
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +90,8 @@ def measure(setting: Setting) -> Answer:
     every = TIMES if path == SCENE else tuple(scene.time.duration * k / 3 for k in range(3))
     times = every[: setting.pick(1, len(TIMES))]
     volumes = {name: VOLUMES[name] for name in QUICK} if setting.quick else VOLUMES
-    size = (96, 54) if setting.quick else (240, 135)
-    samples = setting.pick(16, 64)
+    size = (80, 45) if setting.quick else (240, 135)
+    samples = setting.pick(12, 64)
     played = play(volumes, times, size, path=path)
     rows, sheets, shots = list[Row](), [], dict[tuple[str, str], Shot]()
     squares: dict[str, list[Any]] = {name: [] for name in played}
@@ -169,7 +170,7 @@ def play(
             data = with_volume(raw, volume)
             change(data)
             changed.write_text(json.dumps(data), encoding="utf-8")
-            baked = bake_scene(changed, root=root, build_folder=Path(folder))
+            baked = bake_scene(changed, root=root, build_folder=Path(folder), store=stages.store())
             with Player(baked.folder, size=size) as player:
                 assets = [Occlusion.load(f) for f in player.folders("occlusion").values()]
                 pictures = {
@@ -253,9 +254,9 @@ def explained(scene: scenes.Scene, times: Sequence[float], setting: Setting) -> 
     assert caster.shadow is not None
     mesh, rows = sources.load(caster.source), list[Row]()
     shadows = {OWN: caster.shadow} if setting.quick else {TALK: Shadow(**TALKS), OWN: caster.shadow}
-    samples = setting.pick(32, 256)
+    samples = setting.pick(16, 256)
     for time in times:
-        where = shadow_steps.receivers(scene, time)
+        where = shadow_steps.receivers(scene, time, PIXELS[0] if setting.quick else PIXELS[1])
         for name, shadow in shadows.items():
             shares = shadow_steps.shares(
                 scene, caster, mesh, time, shadow=shadow, samples=samples, where=where
@@ -288,7 +289,11 @@ def _pictures(table: Sequence[Row]) -> Panel:
     }
     ticks = [str(row["shadow"]) for row in volumes]
     label = "PSNR, dB, mean of the moments"
-    return Panel("", label, lines, scales=("linear", "linear"), ticks=ticks, joined=False)
+    best = max(volumes, key=lambda row: float(row["psnr_direct"]))
+    title = f"In direct light {best['shadow']} come nearest: {float(best['psnr_direct']):.1f} dB"
+    return Panel(
+        "", label, lines, scales=("linear", "linear"), ticks=ticks, joined=False, title=title
+    )
 
 
 def _steps(rows: Sequence[Row]) -> Panel:
@@ -299,7 +304,15 @@ def _steps(rows: Sequence[Row]) -> Panel:
             (place, float(row["rms"]))
         )
     label = "RMS error of the share of light"
-    return Panel("", label, lines, scales=("linear", "linear"), ticks=shadow_steps.STEPS)
+    costs = {
+        step: float(np.mean([float(r["change"]) for r in rows if r["step"] == step]))
+        for step in shadow_steps.STEPS
+    }
+    most = max(costs, key=lambda step: costs[step])
+    title = f'Of the steps from traced to played "{most}" costs most, {costs[most]:.3f}'
+    return Panel(
+        "", label, lines, scales=("linear", "linear"), ticks=shadow_steps.STEPS, title=title
+    )
 
 
 def _rms(values: NDArray[np.floating]) -> float:

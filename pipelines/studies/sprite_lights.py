@@ -27,7 +27,7 @@ from formats import scene as scenes
 from formats.mesh import Mesh
 from maths.sampling import GOLDEN_ANGLE
 from pipelines.bake_scene import bake_scene
-from pipelines.studies import interval, sprite_errors, sprite_methods
+from pipelines.studies import interval, sprite_errors, sprite_methods, stages
 from pipelines.studies.answer import Answer, Panel, Row, Shot, lines_of, point
 from pipelines.studies.shadow_lights import LitPlayer
 from pipelines.studies.sprite_methods import Relit
@@ -47,11 +47,11 @@ def measure(setting: Setting) -> Answer:
     """Light a sprite by more and more suns; compare with the traced mesh, and time frames."""
     rows: list[Row] = []
     shots: dict[tuple[str, str], Shot] = {}
-    size, rounds = ((160, 90), 2) if setting.quick else ((480, 270), 9)
+    size, rounds = ((160, 90), 1) if setting.quick else ((480, 270), 9)
     counts = COUNTS[:: setting.pick(2, 1)]
     for name, mesh in setting.meshes("lantern").items():
-        truths = {n: truth(mesh, suns(n), setting.pick(32, 48)) for n in counts}
-        methods = baked(mesh, setting.pick(32, 48))
+        truths = {n: truth(mesh, suns(n), setting.pick(16, 48)) for n in counts}
+        methods = baked(mesh, setting.pick(16, 48))
         spent = frames(setting, size, rounds, counts)
         for way, relit in methods.items():
             for count in counts:
@@ -76,7 +76,7 @@ def measure(setting: Setting) -> Answer:
     return Answer(
         question="sprite_lights",
         title=f"A sun costs {each['ring']:.0f} (ring) or {each['dome']:.0f} (dome) microseconds to "
-        "project, whatever is drawn: a frame takes "
+        f"project for {SPRITES} sprites, however large they are drawn: a frame takes "
         + " or ".join(f"{spent[way, 1].value:.2g}" for way in WAYS)
         + " ms under 1 and "
         + " or ".join(f"{spent[way, COUNTS[-1]].value:,.0f}" for way in WAYS)
@@ -94,6 +94,8 @@ def measure(setting: Setting) -> Answer:
                 lines_of(rows, "lights", "frame_ms", "series"),
                 None,
                 ("log", "log"),
+                title=f"A frame of {SPRITES} sprites grows by {each['ring']:.0f} (ring) or "
+                f"{each['dome']:.0f} (dome) microseconds a sun",
             ),
         ),
         decibels=True,
@@ -227,4 +229,4 @@ def baked_in(folder: Path, way: str, setting: Setting) -> Path:
     path = folder / f"assets/scenes/{way}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(described(way, source.name)), encoding="utf-8")
-    return bake_scene(path, build_folder=folder / "build").folder
+    return bake_scene(path, build_folder=folder / "build", store=stages.store()).folder

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
-from time import process_time
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import billboard, sources
+from bake import billboard
 from formats.coefficients import Coefficients
-from formats.mesh import Material, Mesh
+from formats.mesh import Mesh
 from maths import circular_harmonics
+from pipelines.studies import meshes, stages
 
-Result = TypeVar("Result")
-
-SHORT = 0.5  # seconds
 MESHES = Path(__file__).resolve().parents[2] / "assets" / "meshes"
 
 
@@ -46,63 +41,14 @@ class Setting:
         The user's own mesh replaces all; a quick run keeps the first.
         """
         if self.source is not None:
-            return {self.source.stem: _loaded(self.source)}
+            return {self.source.stem: stages.remembered(meshes.source(self.source))}
         return {name: named(name) for name in (names[:1] if self.quick else names)}
 
 
 def named(name: str) -> Mesh:
     """Return the subject of that name."""
-    return knot() if name == "knot" else _loaded(MESHES / f"{name}.glb")
-
-
-@lru_cache(maxsize=8)
-def _loaded(path: Path) -> Mesh:
-    return sources.load(path)
-
-
-@lru_cache(maxsize=2)
-def knot(around: int = 500, across: int = 70) -> Mesh:
-    """Return a closed coloured (2, 3) torus knot of 2 * around * across faces, about a metre tall.
-
-    It shadows itself from every side. Its hue turns twice along the tube.
-    """
-    u, v = (2 * np.pi * np.arange(n) / n for n in (around, across))
-    centre = _knot_curve(u)
-    # A frame that closes: the curve's own normal made square to its tangent
-    tangent = _unit(_knot_curve(u + 1e-4) - _knot_curve(u - 1e-4))
-    outward = np.stack([np.cos(2 * u), np.zeros_like(u), np.sin(2 * u)], axis=1)
-    normal = _unit(outward - np.einsum("ij,ij->i", outward, tangent)[:, None] * tangent)
-    other = np.cross(tangent, normal)
-    # Ribs, so that there is detail of a few texels
-    radius = 0.17 * (1 + 0.12 * np.cos(7 * v)[None, :] * np.cos(24 * u)[:, None])
-    ring = np.cos(v)[None, :, None] * normal[:, None] + np.sin(v)[None, :, None] * other[:, None]
-    vertices = (centre[:, None] + radius[..., None] * ring).reshape(-1, 3)
-    vertices[:, 1] -= vertices[:, 1].min()
-    i, j = np.meshgrid(np.arange(around), np.arange(across), indexing="ij")
-    corners = [
-        ((i + a) % around) * across + (j + b) % across for a, b in ((0, 0), (0, 1), (1, 1), (1, 0))
-    ]
-    a, b, c, d = (corner.ravel() for corner in corners)
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-    hue = np.repeat(2 * u, across)
-    colours = 0.45 + 0.4 * np.stack([np.sin(hue + k * 2 * np.pi / 3) for k in range(3)], axis=1)
-    return Mesh(
-        vertices=vertices,
-        faces=faces,
-        normals=sources.corner_normals(vertices, faces).astype(np.float32),
-        material=np.zeros(len(faces), np.int32),
-        materials=(Material("glaze", (1.0, 1.0, 1.0)),),
-        colours=colours.astype(np.float32),
-    )
-
-
-def _knot_curve(u: NDArray[np.float64]) -> NDArray[np.float64]:
-    wide = 0.42 * (1 + 0.42 * np.cos(3 * u))
-    return np.stack([wide * np.cos(2 * u), 0.42 * np.sin(3 * u), wide * np.sin(2 * u)], axis=1)
-
-
-def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+    own = meshes.own() if name == "knot" else meshes.source(MESHES / f"{name}.glb")
+    return stages.remembered(own)
 
 
 def relit(master: Coefficients, azimuth: float) -> NDArray[np.float32]:
@@ -118,22 +64,10 @@ def relit(master: Coefficients, azimuth: float) -> NDArray[np.float32]:
 
 def traced(mesh: Mesh, **knobs: Any) -> Coefficients:
     """Bake a mesh with the defaults of `bakelight billboard`, but for the knobs given."""
-    return billboard.trace(mesh, params=billboard.Params(**knobs))
+    return traced_in(mesh, **knobs)[0]
 
 
-def processor_seconds(
-    function: Callable[..., Result], *values: Any, **named: Any
-) -> tuple[Result, float]:
-    """Call a function; return its result and the processor time of all threads, in seconds.
-
-    On a machine with other work to do, that says more than the clock on the wall. What takes less
-    than SHORT is called again, and the faster counts: the first call also loads and allocates.
-    """
-    least = np.inf
-    for _ in range(2):
-        started = process_time()
-        result = function(*values, **named)
-        least = min(least, process_time() - started)
-        if least > SHORT:
-            break
-    return result, least
+def traced_in(mesh: Mesh, **knobs: Any) -> tuple[Coefficients, float]:
+    """Return `traced`, and the processor's seconds that it took, now or when it was baked."""
+    params = billboard.Params(**knobs)
+    return stages.run(billboard.trace, mesh, Coefficients.load, params=params)

@@ -42,7 +42,7 @@ SHADES = 512
 
 def measure(setting: Setting) -> Answer:
     """Measure every storage of every world."""
-    sizes, rounds = ((1, 2), 4) if setting.quick else ((1, 2, 4), 16)
+    sizes, rounds = ((1, 2), 2) if setting.quick else ((1, 2, 4), 16)
     shots: dict[tuple[str, str], Shot] = {}
     own, _ = cube_gathers.worlds(setting.source)
     rows: list[Row] = []
@@ -275,9 +275,9 @@ def timed(card: Card, action: Callable[[], object]) -> float:
     return process_time() - started
 
 
-def share(row: Row, part: str, of: str) -> float:
-    """Return one number of a row over another."""
-    return float(row[part]) / float(row[of])
+def share(row: Row, part: str, of: str, other: Row | None = None) -> float:
+    """Return one number over another, of the same row or of another one."""
+    return float(row[part]) / float((other or row)[of])
 
 
 def of_storage(rows: list[Row], storage: str, finer: int) -> Row:
@@ -301,8 +301,21 @@ def panels(rows: list[Row]) -> tuple[Panel, ...]:
 
     log = ("log", "log")
     x = "cells of the world"
+    finest = max(int(row["finer"]) for row in rows)
+    plain, blocks = (of_storage(rows, storage, finest) for storage in STORAGES[:2])
     return (
-        Panel(x, "bytes", lines("bytes", "move_bytes"), None, log),
-        Panel(x, "processor milliseconds of a pass", lines("pass_ms"), None, ("log", "linear")),
-        Panel(x, "processor milliseconds", lines("whole_ms", "write_ms", "move_ms"), None, log),
-    )
+        Panel(
+            x, "bytes", lines("bytes", "move_bytes"), None, log,
+            title=f"Blocks take {share(blocks, 'bytes', 'bytes', plain):.3f} of the bytes",
+        ),
+        Panel(
+            x, "processor milliseconds of a pass", lines("pass_ms"), None, ("log", "linear"),
+            title=f"A pass through blocks takes {share(blocks, 'pass_ms', 'pass_ms', plain):.2f} "
+            "of the time in the largest world",
+        ),
+        Panel(
+            x, "processor milliseconds", lines("whole_ms", "write_ms", "move_ms"), None, log,
+            title=f"A moved lamp takes {share(plain, 'move_ms', 'move_ms', blocks):.2f} of the "
+            "time that blocks ask for",
+        ),
+    )  # fmt: skip

@@ -211,6 +211,16 @@ def measure(setting: Setting) -> Answer:
         unit="share of rays that leave a closed mesh",
         axes={"scale": "size of the mesh, metres"},
         shots=shots,
-        panels=(Panel("scale", "rays", lines, None, ("log", "linear")),),
+        panels=(
+            Panel(
+                "scale",
+                "rays",
+                lines,
+                None,
+                ("log", "linear"),
+                title=f"{total['leaks']} leaks and {total['self_hits']} self-hits at sizes from "
+                f"{min(SCALES):g} to {max(SCALES):g} metres",
+            ),
+        ),
         figures=total,
     )

@@ -63,21 +63,23 @@ vec3 sphere_irradiance(vec3 point, vec3 normal, vec3 centre, float radius, vec3 
     return LIGHT_PI * radiance * (sine * sine * cap_cosine(dot(normal, offset) / D, sine, rise));
 }
 
-// Area integral of a far disc's part above the horizon, chord by chord.
-float disc_strips(vec2 p, float h, float R, float s, float k, float t1) {
-    const float node[7] = float[7](-0.949107912, -0.741531186, -0.405845151, 0.0,
-                                   0.405845151, 0.741531186, 0.949107912);
-    const float weight[7] = float[7](0.129484966, 0.279705391, 0.381830051, 0.417959184,
-                                     0.381830051, 0.279705391, 0.129484966);
+// Area integral of a far disc's part above the horizon, chord by chord: `count` chords, 7 or none.
+float disc_strips(vec2 p, float h, float R, float s, float k, float t1, int count) {
     float total = 0.0;
-    for (int i = 0; i < 7; i++) {
-        float cosine = cos(0.5 * t1 * (1.0 + node[i]));
+    for (int i = 0; i < count; i++) {
+        // Gauss's seven points
+        int from_middle = abs(i - 3);
+        vec2 at = from_middle == 0 ? vec2(0.0, 0.417959184)
+                : from_middle == 1 ? vec2(0.405845151, 0.381830051)
+                : from_middle == 2 ? vec2(0.741531186, 0.279705391)
+                : vec2(0.949107912, 0.129484966);
+        float cosine = cos(0.5 * t1 * (1.0 + (i < 3 ? -at.x : at.x)));
         float square = max((1.0 - cosine) * (1.0 + cosine), 0.0);
         float x = p.x + R * cosine, y = 0.774596669 * R * sqrt(square);
         // Gauss's three points of a chord
         vec3 across = p.y + vec3(-y, 0.0, y), squared = x * x + h * h + across * across;
         float inner = dot(vec3(0.555555556, 0.888888889, 0.555555556), 1.0 / (squared * squared));
-        total += weight[i] * square * (cosine - k) * inner;
+        total += at.y * square * (cosine - k) * inner;
     }
     return 0.5 * t1 * h * s * R * R * R * max(total, 0.0);
 }
@@ -136,7 +138,9 @@ vec3 disc_irradiance(vec3 point, vec3 normal, vec3 centre, vec3 axis, float radi
     vec2 p = vec2(dot(beside, u), dot(beside, cross(w, u)));
     float k = -rise / (R * s);
     float t1 = arctangent(sqrt((1.0 - k) * (1.0 + k)), k);
-    float part = R < FAR_DISC ? disc_strips(p, h, R, s, k, t1)
+    // Neither is cheap where pixels run side by side: of chords there are none where none are asked for
+    float strips = disc_strips(p, h, R, s, k, t1, R < FAR_DISC ? 7 : 0);
+    float part = R < FAR_DISC ? strips
                               : disc_arc_and_chord(p, h, R, m, s, k, t1, vec3(near, far, gap));
     return radiance * clamp(part, 0.0, LIGHT_PI);
 }

@@ -27,19 +27,23 @@ Hit exact(WORLD world, ivec3 size, ivec3 cell, vec3 origin, vec3 direction) {
     ivec3 way = 2 * ahead - 1;
     Hit hit = Hit(cell, -1, 0.0, 1);
     int limit = is_inside(cell, size) ? size.x + size.y + size.z : 0;
-    int axis = 0;
+    vec3 wall = vec3(cell + ahead);
+    bool x = true;
+    bool y = false;
     for (int i = 0; i < limit; ++i) {
-        vec3 t = (vec3(hit.cell + ahead) - origin) * inverse;
-        bool x = t.x <= t.y && t.x <= t.z;
-        bool y = !x && t.y <= t.z;
-        hit.t = x ? t.x : y ? t.y : t.z;
-        hit.cell += way * ivec3(x, y, !x && !y);
-        axis = x ? 0 : y ? 1 : 2;
+        vec3 t = (wall - origin) * inverse;
+        x = t.x <= t.y && t.x <= t.z;
+        y = !x && t.y <= t.z;
+        hit.t = min(t.x, min(t.y, t.z));
+        vec3 taken = vec3(x, y, !x && !y);
+        wall += vec3(way) * taken;
+        hit.cell = ivec3(wall) - ahead;
         hit.visited++;
         if (solid_at(world, hit.cell)) {
             break;
         }
     }
+    int axis = x ? 0 : y ? 1 : 2;
     hit.face = is_inside(hit.cell, size) ? 2 * axis + ahead[axis] : -1;
     return hit;
 }

@@ -1,5 +1,6 @@
 // The picture through the lens: small circles pixel by pixel, wide ones from the half-size layers;
-// a front layer over a base that is filled in behind it.
+// a front layer over a base that is filled in behind it. Counts of loops, not branches, say what a
+// pixel does without: where pixels run side by side, a branch that any takes costs all of them.
 #include "defocus.glsl"
 
 uniform sampler2D opaque_colour;
@@ -27,11 +28,11 @@ bool is_nearer(float radius, float depth, vec2 at) {
     return radius < -SHARP && abs(1.0 - depth - level) >= 1e-3 * level + 2e-7;
 }
 
-// What lies behind, from the nearest pixels where it is seen: pull-push over the pyramid
-vec4 filled(vec2 where) {
+// What lies behind, from the nearest pixels where it is seen: pull-push over so many levels
+vec4 filled(vec2 where, int levels) {
     vec4 found = vec4(0.0);
     float radius = 0.0;
-    for (int level = 0; level < LEVELS; ++level) {
+    for (int level = 0; level < levels; ++level) {
         vec4 there = textureLod(base, where, float(level));
         float left = 1.0 - found.a;
         found += left * there;
@@ -40,10 +41,11 @@ vec4 filled(vec2 where) {
     return vec4(found.rgb, radius) / max(found.a, 1e-6);
 }
 
-// The base beside a blurred front: pixels along the front's edge are mixtures, up to two of them
-vec4 unmixed(ivec2 here) {
+// The base beside a blurred front: pixels along the front's edge are mixtures, up to two of them;
+// so many places beside it are looked at, 12 or none
+vec4 unmixed(ivec2 here, int count) {
     ivec2 last = full_size - 1;
-    for (int i = 0; i < 12; ++i) {
+    for (int i = 0; i < count; ++i) {
         // Right, up, left, down; the diagonals; the first four two pixels off
         ivec2 turn = ivec2((i & 1) * (2 - (i & 3)), (1 - (i & 1)) * (1 - (i & 3)));
         ivec2 step = i >= 4 && i < 8 ? ivec2(2 * (i & 1) - 1, (i & 2) - 1) : turn;
@@ -57,10 +59,22 @@ vec4 unmixed(ivec2 here) {
     return vec4(0.0);
 }
 
-// Smooth the edge of something sharp anew: a pixel there is a mixture with what is sharp behind
-vec3 mended(ivec2 here, float radius, vec3 wide_mean, vec3 blurred) {
+// Whether circles so small that only single pixels show them are as near as they reach
+bool small_beside(ivec2 here) {
+    // The flag's mean over eight by eight pixels
+    ivec2 last = textureSize(radii, 2) - 1;
+    ivec2 low = max(here - 3, ivec2(0)) >> 3;
+    ivec2 high = min((here + 3) >> 3, last);
+    float found = texelFetch(radii, low, 2).a + texelFetch(radii, high, 2).a;
+    found += texelFetch(radii, ivec2(low.x, high.y), 2).a;
+    return found + texelFetch(radii, ivec2(high.x, low.y), 2).a > 0.0;
+}
+
+// Smooth the edge of something sharp anew: a pixel there is a mixture with what is sharp behind;
+// so many sides are looked at, 4 or none
+vec3 mended(ivec2 here, float radius, vec3 wide_mean, vec3 blurred, int count) {
     vec3 mixed = texelFetch(opaque_colour, here, 0).rgb;
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < count; ++i) {
         ivec2 step = i < 2 ? ivec2(2 * i - 1, 0) : ivec2(0, 2 * i - 5);
         ivec2 at = here + step;
         if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, full_size))) continue;
@@ -128,44 +142,46 @@ void main() {
     vec4 over = vec4(0.0);
     vec4 small = vec4(0.0);
     float small_radius = 0.0;
-    float counted = 0.0;
-    if (reach.b > 0.0) {
-        for (int i = 0; i < 49; ++i) {
-            ivec2 step = ivec2(i % 7, i / 7) - 3;
-            ivec2 at = here + step;
-            float away = length(vec2(step));
-            if (away > 3.4 || any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, full_size))) continue;
+    float own_share = 0.0;
+    int rows = small_beside(here) ? 3 : -1;
+    for (int y = -rows; y <= rows; ++y) {
+        // Within 3.4 pixels
+        int right = abs(y) < 2 ? 3 : 4 - abs(y);
+        for (int x = -right; x <= right; ++x) {
+            ivec2 at = here + ivec2(x, y);
+            float away = length(vec2(x, y));
+            if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, full_size))) continue;
             float z = texelFetch(opaque_depth, at, 0).r;
             float r = clamp(signed_radius(z, farthest, focus_over_near), -widest, widest);
             float kernel = kernel_radius(abs(r));
             float wider = layered(abs(r));
-            counted += disc_share(away, own_kernel, 1.0);
             vec3 there = texelFetch(opaque_colour, at, 0).rgb;
-            if (is_nearer(r, z, vec2(at) + 0.5)) {
-                float part = (1.0 - wider) * disc_share(away, kernel, 1.0);
-                small += part * vec4(there, 1.0);
-                small_radius += part * r;
-            } else {
-                float covered = (1.0 - wider) * disc_share(away, kernel, 1.0);
-                over += covered * behind(radius, r, away) * vec4(there, 1.0);
-                kernel = mix(kernel, min(kernel, own_kernel), behind(r, radius, away));
-                beside += disc_share(away, kernel, 1.0) * vec4(mix(there, wide_mean, wider), 1.0);
-            }
+            float covered = (1.0 - wider) * disc_share(away, kernel, 1.0);
+            float in_front = float(is_nearer(r, z, vec2(at) + 0.5));
+            small += in_front * covered * vec4(there, 1.0);
+            small_radius += in_front * covered * r;
+            // Of two surfaces at most one lies behind the other
+            float apart = behind(abs(radius - r), 0.0, away);
+            float in_base = 1.0 - in_front;
+            over += in_base * covered * (radius > r ? apart : 0.0) * vec4(there, 1.0);
+            kernel = mix(kernel, min(kernel, own_kernel), radius < r ? apart : 0.0);
+            beside += in_base * disc_share(away, kernel, 1.0) * vec4(mix(there, wide_mean, wider), 1.0);
+            own_share += disc_share(away, own_kernel, 1.0);
         }
     }
 
     // Inside a front it hides all: shares of a soft disc over pixels do not add up to 1
     if (nearer && share < 1.0) {
-        small /= counted;
-        small_radius /= counted;
+        small /= own_share;
+        small_radius /= own_share;
     }
     front += small;
     front_radius += small_radius;
 
     vec3 behind_front = colour.rgb;
-    vec4 clean = !nearer && reach.r > 0.0 ? unmixed(here) : vec4(0.0);
+    vec4 clean = unmixed(here, !nearer && reach.r > 0.0 ? 12 : 0);
+    vec4 fill = filled(where, nearer ? LEVELS : 0);
     if (nearer) {
-        vec4 fill = filled(where);
         behind_front = mix(fill.rgb, wide_mean, smoothstep(0.0, 0.2, wide.a));
         if (front.a < 0.999) gl_FragDepth = depth_of_radius(fill.a, farthest, focus_over_near);
     } else if (clean.a > 0.0) {
@@ -175,7 +191,8 @@ void main() {
         vec3 close = beside.rgb / max(beside.a, 1e-6);
         behind_front = mix(close, far, share);
     }
-    if (!nearer && clean.a == 0.0 && reach.g > 0.0) behind_front = mended(here, radius, wide_mean, behind_front);
+    bool mends = !nearer && clean.a == 0.0 && reach.g > 0.0;
+    behind_front = mended(here, radius, wide_mean, behind_front, mends ? 4 : 0);
     if (front.a > 1e-4) {
         front_radius /= front.a;
         front_depth = depth_of_radius(front_radius, farthest, focus_over_near);

@@ -50,7 +50,13 @@ class Pass:
             name: player.vertex_array(
                 player.programs.get(SCREEN, HERE / f"{name}.frag", flags.get(name, {}), {})
             )
-            for name in ("defocus_split", "defocus_tile", "defocus_gather", "defocus")
+            for name in (
+                "defocus_split",
+                "defocus_level",
+                "defocus_tile",
+                "defocus_gather",
+                "defocus",
+            )
         }
 
     def key(self, time: float) -> Hashable:
@@ -67,10 +73,16 @@ class Pass:
         tiles = tuple(side // SIDE for side in half)
         lens = self._lens()
         opaque = {"opaque_colour": "colour", "opaque_depth": "depth"}
-        split = frame.layers(tuple(f"defocus_{name}" for name in SPLIT), half, levels=LEVELS)
-        self._run("defocus_split", split, lens, opaque)
-        for name in SPLIT:
-            frame.texture(f"defocus_{name}").build_mipmaps(0, LEVELS - 1)
+        names = tuple(f"defocus_{name}" for name in SPLIT)
+        self._run("defocus_split", frame.layers(names, half, levels=LEVELS), lens, opaque)
+        for level in range(1, LEVELS):
+            finer = {"finer": level - 1}
+            self._run(
+                "defocus_level",
+                frame.coarser(names, level),
+                finer,
+                dict(zip(SPLIT, names, strict=True)),
+            )
 
         # The widest circle that reaches each tile
         sources = {name: f"defocus_{name}" for name in SPLIT}

@@ -1,5 +1,5 @@
 // One ray a texel of a world of cubes, added to what earlier passes found.
-// MODE 0 exact, 1 sphere, 2 march, 3 talk. For studies: SPREAD 0, independent numbers; VISITS 1, the
+// MODE 0 exact, 1 sphere, 2 march, 3 talk. AIMED: the rays of this pass go to what glows. For studies: SPREAD 0, independent numbers; VISITS 1, the
 // number of cells that a ray looked at in place of light.
 #include "traverse.glsl"
 #include "texel_sequences.glsl"
@@ -16,7 +16,7 @@ uniform ivec3 size;
 uniform int n;              // texels a cell side
 uniform float scale;        // radiance of a full code
 uniform uint pass_index;    // number of the pass within its set and kind
-uniform uint swap;          // which squares are aimed
+uniform uint swap;          // which pass of a pair
 uniform float set_sign;     // +1 and -1 for the two sets
 uniform uvec4 offset;       // turns, by seed, set and kind
 uniform uvec4 aim_offset;
@@ -40,7 +40,6 @@ const uint NOTHING = 65535u;
 struct Found {
     vec3 direct;
     vec3 indirect;
-    bool aimed;
 };
 
 // The sets are apart by another shift at each texel: else they would not be independent
@@ -61,11 +60,10 @@ uvec4 shift_of(uvec3 place) {
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
-    direct_out = indirect_out = latest_out = vec4(0.0);
     uvec4 texel = texelFetch(texels, at, 0);
-    if (texel.w == NOTHING) {
-        return;
-    }
+    // What is unused was cleared once, and stays
+    if (texel.w == NOTHING) discard;
+    direct_out = indirect_out = latest_out = vec4(0.0);
     ivec3 cell = ivec3(texel.xyz);
     int face = int(texel.w >> 12u);
     ivec3 front = cell + normal_of(face);
@@ -85,12 +83,12 @@ void main() {
     vec4 indirect = texelFetch(indirect_sum, at, 0);
     vec4 last = texelFetch(latest, at, 0);
     float difference = luminance(found.direct);
-    if (!found.aimed) {
-        float kept = direct.a < settled ? keep : 1.0;
-        indirect = mix(indirect, kept * indirect + vec4(found.indirect, 1.0), counts);
-        last.rgb = mix(last.rgb, found.indirect, blend);
-        difference += counts * luminance(found.indirect) * passes_per_ray;
-    }
+#if !AIMED
+    float kept = direct.a < settled ? keep : 1.0;
+    indirect = mix(indirect, kept * indirect + vec4(found.indirect, 1.0), counts);
+    last.rgb = mix(last.rgb, found.indirect, blend);
+    difference += counts * luminance(found.indirect) * passes_per_ray;
+#endif
     direct_out = direct + vec4(found.direct, 1.0);
     indirect_out = indirect;
     latest_out = vec4(last.rgb, last.a + set_sign * difference);

@@ -1,6 +1,6 @@
-// Real rays of a gather; part of gather.frag. Two kinds take turns, told apart like the squares of a
-// chessboard: along the cosine, and at one of a few glowing faces chosen by power. Weights are those of
-// the balance heuristic (Veach, Guibas 1995). Light that surfaces hand on is found by the cosine alone.
+// Real rays of a gather; part of gather.frag. Two kinds take turns from pass to pass: along the cosine,
+// and, AIMED, at one of a few glowing faces chosen by power. Weights are those of the balance heuristic
+// (Veach, Guibas 1995). Light that surfaces hand on is found by the cosine alone.
 
 uniform usampler2D lamps;
 uniform uint lamp_count;
@@ -167,36 +167,33 @@ Choice aim(vec3 start, vec3 normal, uvec4 shift, float aims) {
 
 Found look(ivec3 cell, ivec3 front, int face, vec3 start, uvec3 place) {
     vec3 normal = vec3(normal_of(face));
-    bool lit = lamp_count > 0u || FREE > 0;
-    bool aimed = lit && ((place.x + place.y + place.z + swap) & 1u) == 1u;
-    float aims = lit ? 0.5 : 0.0;
+    float aims = lamp_count > 0u || FREE > 0 ? 0.5 : 0.0;
     uvec4 shift = shift_of(place);
-    Choice choice = Choice(normal, ivec3(-1), -1, vec3(0.0), 1.0, 0.0, 0.0);
-    vec3 d;
     vec3 direct = vec3(0.0);
     vec3 handed = vec3(0.0);
-    float jitter;
-    bool useful = true;
-    if (aimed) {
-        choice = aim(start, normal, shift, aims);
-        d = choice.d;
-        useful = choice.sum > 0.0;
-        uvec4 turns = shift + STEPS(quad(pass_index)) + aim_offset;
-        jitter = unit(turns.wzyx + turns.yxwz).y;
-    } else {
-        uvec4 turns = shift + STEPS(uvec4(pair(pass_index), quad(pass_index).zw)) + offset;
-        vec4 u = unit(turns);
-        float radius = sqrt(u.x);
-        float phi = 2.0 * PI * u.y;
-        vec3 local = vec3(sqrt(1.0 - u.x), radius * cos(phi), radius * sin(phi));
-        local.x *= float(1 - 2 * (face & 1));
-        d = from_face(face >> 1, local);
-        jitter = u.z;
-    }
+#if AIMED
+    Choice choice = aim(start, normal, shift, aims);
+    vec3 d = choice.d;
+    bool useful = choice.sum > 0.0;
+    int own_cube = choice.cube;
+    uvec4 turns = shift + STEPS(quad(pass_index)) + aim_offset;
+    float jitter = unit(turns.wzyx + turns.yxwz).y;
     // A ray that cannot bring anything starts outside and ends there
     Hit hit = follow(useful ? front : ivec3(-1), start, d, jitter);
+#else
+    int own_cube = -1;
+    uvec4 turns = shift + STEPS(uvec4(pair(pass_index), quad(pass_index).zw)) + offset;
+    vec4 u = unit(turns);
+    float radius = sqrt(u.x);
+    float phi = 2.0 * PI * u.y;
+    vec3 local = vec3(sqrt(1.0 - u.x), radius * cos(phi), radius * sin(phi));
+    local.x *= float(1 - 2 * (face & 1));
+    vec3 d = from_face(face >> 1, local);
+    float jitter = u.z;
+    Hit hit = follow(front, start, d, jitter);
+#endif
 #if VISITS
-    return Found(vec3(float(hit.visited)), vec3(0.0), aimed);
+    return Found(vec3(float(hit.visited)), vec3(0.0));
 #endif
     // The first cube before what was hit
     int cube = -1;
@@ -206,16 +203,17 @@ Found look(ivec3 cell, ivec3 front, int face, vec3 start, uvec3 place) {
     for (int i = 0; i < FREE; ++i) {
         float falls;
         float entry = cube_entry(start, d, cube_place[i], falls);
-        bool before = entry >= 0.0 && entry < reach && i != choice.cube;
+        bool before = entry >= 0.0 && entry < reach && i != own_cube;
         cube = before ? i : cube;
         fall = before ? falls : fall;
         reach = before ? entry : reach;
     }
 #endif
-    if (aimed) {
-        bool seen = reach > 0.9999 || (cube < 0 && hit.cell == choice.cell);
-        direct = useful && seen ? choice.brought * (choice.sum / choice.bright) : vec3(0.0);
-    } else if (cube >= 0) {
+#if AIMED
+    bool seen = reach > 0.9999 || (cube < 0 && hit.cell == choice.cell);
+    direct = useful && seen ? choice.brought * (choice.sum / choice.bright) : vec3(0.0);
+#else
+    if (cube >= 0) {
 #if FREE
         float part = aimed_at_cube(start, cube, reach * reach, fall);
         direct = weighed(cube_light[cube], dot(d, normal), aims, part);
@@ -233,8 +231,9 @@ Found look(ivec3 cell, ivec3 front, int face, vec3 start, uvec3 place) {
         direct = textureLod(sky, lat_long(d), 0.0).rgb * PI / (1.0 - aims);
     }
 #endif
+#endif
 #if LIGHTS
     direct += from_lights(front, start, normal, shift, jitter);
 #endif
-    return Found(direct, PI * handed, aimed);
+    return Found(direct, PI * handed);
 }

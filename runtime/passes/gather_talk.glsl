@@ -10,7 +10,7 @@ Found look(ivec3 cell, ivec3 front, int face, vec3 start, uvec3 place) {
     ivec2 page = ivec2(unit(turns).xy * vec2(textureSize(destinations, 0)));
     vec4 destination = texelFetch(destinations, page, 0);
     if (destination.w <= 0.0) {
-        return Found(vec3(0.0), vec3(0.0), false);
+        return Found(vec3(0.0), vec3(0.0));
     }
     vec3 normal = vec3(normal_of(face));
     vec3 origin = start + 0.25 * normal;
@@ -28,5 +28,5 @@ Found look(ivec3 cell, ivec3 front, int face, vec3 start, uvec3 place) {
     float inverse = inversesqrt(dot(d, d));
     float share = max(dot(normal, d) * inverse + 0.1, 0.0);
     share *= falloff.x * inverse * inverse + falloff.y;
-    return Found(light_at(world, at).rgb * scale * share / destination.w, vec3(0.0), false);
+    return Found(light_at(world, at).rgb * scale * share / destination.w, vec3(0.0));
 }

@@ -33,11 +33,15 @@ class Pass:
 
     def __init__(self, player: Any) -> None:
         self._player = player
-        self._edges = {
-            placed.name: _edges(player, placed)
-            for placed in player.scene.meshes
-            if placed.silhouette_width > 0 and EFFECTS[placed.lighting] in player.called
-        }
+        self._edges: dict[str, silhouette_edges.Edges] = {}
+        found: dict[Path, silhouette_edges.Edges] = {}
+        for placed in player.scene.meshes:
+            if placed.silhouette_width > 0 and EFFECTS[placed.lighting] in player.called:
+                # A mesh that stands in several places has its edges once
+                folder = player.folders(KINDS[placed.lighting])[placed.name]
+                if folder not in found:
+                    found[folder] = _edges(folder, placed)
+                self._edges[placed.name] = found[folder]
         self._program = player.programs.get(HERE / "silhouette.vert", HERE / "silhouette.frag")
         over = player.programs.get(SCREEN, HERE / "silhouette_over.frag")
         self._over = player.vertex_array(over)
@@ -122,9 +126,8 @@ class Pass:
         self._made = (*buffers, player.vertex_array(self._program, content, buffers[1]))
 
 
-def _edges(player: Any, placed: PlacedMesh) -> silhouette_edges.Edges:
+def _edges(folder: Path, placed: PlacedMesh) -> silhouette_edges.Edges:
     """The edges of a mesh as it is drawn, all materials together."""
-    folder = player.folders(KINDS[placed.lighting])[placed.name]
     if placed.lighting == "direct":
         parts = meshes.primitives(folder)
     else:

@@ -249,7 +249,7 @@ def test_the_two_sums_over_a_disc_agree(glsl, rng):
     s = single(1 / np.hypot(1, (x + 0.2 * k) / h))
     m = single(-s * (x + 0.2 * k) / h)
     inputs = {"x": x, "y": y, "k": k, "h": h, "m": m, "s": s, "R": R, "t": single(np.arccos(k))}
-    strips = glsl("lights", "disc_strips(vec2(x, y), h, R, s, k, t)", inputs)
+    strips = glsl("lights", "disc_strips(vec2(x, y), h, R, s, k, t, 7)", inputs)
     a = np.hypot(x, y).astype(float)
     near, far = np.sqrt((a - 0.2) ** 2 + h**2), np.sqrt((a + 0.2) ** 2 + h**2)
     S = near * far

@@ -60,6 +60,16 @@ def exhausted(text: str, *, params: Any, progress: Callable[[float], None]) -> T
     raise MemoryError
 
 
+def threads(text: str, *, params: Any, progress: Callable[[float], None]) -> Text:
+    """Tell how many threads each BLAS may use."""
+    import numpy as np
+    from threadpoolctl import threadpool_info
+
+    np.linalg.norm(np.eye(2))
+    counts = [each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas"]
+    return Text(f"{len(counts)} libraries, {max(counts, default=1)} threads")
+
+
 class Unsaveable(Text):
     """Writes one file, then fails as a broken codec would."""
 

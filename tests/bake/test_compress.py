@@ -67,6 +67,15 @@ def test_sixteen_keep_the_most_that_sixteen_can(master: OcclusionHarmonics) -> N
     np.testing.assert_allclose(asset.basis @ asset.basis.T, np.eye(16), atol=1e-10)
 
 
+def test_scores_are_rounded_once(rng: np.random.Generator) -> None:
+    """Summed in double precision, so that codes do not depend on the kernel of BLAS."""
+    terms, vectors = rng.normal(size=(300, 25)).astype(np.float32), rng.normal(size=(16, 25))
+    exact = terms.astype(np.longdouble) @ vectors.T
+    found = compress.scores_of(terms, vectors)
+    # A rounding of 24 bits, and 25 of 53 bits before
+    np.testing.assert_allclose(found, np.asarray(exact, np.float64), rtol=2.0**-24, atol=1e-13)
+
+
 def test_nothing_hidden_stays_exactly_nothing(master: OcclusionHarmonics) -> None:
     terms = master.terms.copy()
     terms[0, 0, 0] = 0

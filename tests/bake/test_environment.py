@@ -188,6 +188,16 @@ def test_files_that_are_no_maps_are_refused(tmp_path):
         assert refusal.value.exit_code == 2
 
 
+def test_a_damaged_exr_is_one_line(tmp_path, capfd):
+    """OpenEXR prints lines of its own."""
+    exr.write(tmp_path / "sky.exr", {"": np.ones((4, 8, 3), np.float32)})
+    data = (tmp_path / "sky.exr").read_bytes()
+    (tmp_path / "sky.exr").write_bytes(data[:-30] + bytes(30))
+    with pytest.raises(InputError, match=r"sky\.exr.*export it again"):
+        load(tmp_path / "sky.exr")
+    assert "".join(capfd.readouterr()) == ""
+
+
 def test_load_is_a_source_of_the_store(tmp_path):
     """`partial(load, path)` is how a pipeline hands a map over."""
     rgbe.write(tmp_path / "sky.hdr", np.ones((4, 8, 3), np.float32))

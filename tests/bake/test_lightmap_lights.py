@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from bake import lightmap, voxel_faces
 from bake.lightmap import Params
 from bake.lightmap_lights import Lamp, sampler
+from formats.errors import InputError
 from formats.lightmap import Lightmap
 from formats.voxels import Voxels
 from maths import area_lights
@@ -142,3 +143,12 @@ def test_light_of_lamps_is_handed_on() -> None:
 def test_other_kinds_are_refused() -> None:
     with pytest.raises(ValueError, match="sphere"):
         sampler(Lamp("laser", E), np.zeros(3), 1.0)
+
+
+def test_numbers_that_are_none_are_refused() -> None:
+    for lamp in (
+        Lamp("sun", (np.nan, 1.0, 1.0)), Lamp("sphere", E, (0.0, np.inf, 0.0), 1.0),
+        Lamp("disc", E, radius=-1.0), Lamp("polygon", E, corners=((np.nan, 0.0, 0.0),) * 3),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=f"light .{lamp.kind}.*finite"):
+            lamp.check()

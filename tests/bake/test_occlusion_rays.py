@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.stats import linregress
 
+from bake import occlusion_bars, workers
 from bake import occlusion_rays as rays
-from bake import workers
 from bake.rays import RayScene
 from maths import spherical_harmonics
 from tests.bake import small_meshes
@@ -101,9 +101,10 @@ def test_sphere_is_a_cap_everywhere() -> None:
     truth = cap_terms(-points / distance[:, None], np.arcsin(1 / distance), 4)
     found = estimate(sphere_scene(), points, 4096)
     error = found.terms - truth
-    # A z-test: the bar is 1 to 1.2 of the error; chords of 96 rings lose (pi/96)^2 / 8 = .00013
-    ratio = np.sqrt(np.mean(error**2) / np.mean(found.halves**2))
-    assert 0.5 < ratio < 1.3
+    # Halves differ by more than the whole errs, where rays are spread along an outline; measured
+    # .53 to .65
+    ratio = np.sqrt(np.mean(error**2) / np.mean(occlusion_bars.over_bands(found.apart)))
+    assert 0.45 < ratio < 0.75
     # No coefficient is off on the whole: 600 independent voxels, 4 standard errors, and the chords
     bias = np.abs(error.mean(axis=0))
     assert np.all(bias < 4 * error.std(axis=0) / np.sqrt(len(points)) + 0.0006)
@@ -133,7 +134,7 @@ def test_what_cannot_be_hit_is_exactly_zero() -> None:
     where = rays.cones(points, plate.vertices.min(0), plate.vertices.max(0), 2**0.5)
     found = rays.project(scene, points.astype(np.float32), where, np.arange(2), 512, 4)
     assert np.all(found.terms == 0)
-    assert np.all(found.halves == 0)
+    assert np.all(found.apart == 0)
 
 
 def test_error_falls_faster_than_random_rays() -> None:
@@ -174,4 +175,4 @@ def test_any_number_of_threads_gives_the_same_bytes() -> None:
         workers.use(before)
     for other in found[1:]:
         assert np.array_equal(other.terms, found[0].terms)
-        assert np.array_equal(other.halves, found[0].halves)
+        assert np.array_equal(other.apart, found[0].apart)

@@ -76,6 +76,17 @@ def test_lights_over_and_under_the_ring_say_what_it_would_be_on_it() -> None:
     assert truth[2, 2, 0] - mean > 0.02
 
 
+def test_terms_are_rounded_once(rng: np.random.Generator) -> None:
+    """Summed in double precision, so that codes do not depend on the kernel of BLAS."""
+    pictures = rng.random((24, 5, 4, 3), np.float32)
+    train, matrix = np.arange(0, 24, 2), rng.normal(size=(5, 12))
+    taken = Photographs(pictures, lights_at([30.0]), "linear")
+    terms = photograph_ring.terms_of(taken, train, matrix, lambda done: None)
+    exact = np.tensordot(matrix, pictures[train].astype(np.longdouble), 1) / np.pi
+    # A rounding of 24 bits, and twelve of 53 bits before
+    np.testing.assert_allclose(terms, exact.reshape(5, 20, 3), rtol=2.0**-24, atol=1e-14)
+
+
 def test_only_lights_near_the_ring_count() -> None:
     lights = np.concatenate([lights_at(35), lights_at(80)])
     near = fit(matt(lights), params=Params(np.radians(35)))

@@ -74,7 +74,7 @@ def test_long_stages_give_the_same_bytes_wherever_they_are_interrupted(
         monkeypatch.setattr(module, "TILE", tile)
     seen: list[float] = []
     truth = saved(stage(seen.append), tmp_path / "truth")
-    assert len(seen) >= 4
+    assert len(seen) >= 3
     for trial in range(3):
         folder = tmp_path / f"tiles {trial}"
         # Interrupted up to three times

@@ -25,6 +25,7 @@ from tests.bake.small_stages import (
     read_and_touch,
     repeat,
     shout,
+    threads,
 )
 
 
@@ -47,6 +48,15 @@ def test_progress_and_parameters_reach_the_stage(bench: Bench) -> None:
     seen: list[float] = []
     entry = bench.store.run(repeat, bench.source, params=Params(3), on_progress=seen.append)
     assert (seen, Text.load(entry.path).text) == ([1.0], "ababab")
+
+
+def test_a_stage_has_one_thread_of_blas(bench: Bench) -> None:
+    """Whose last bits depend on how many there are."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=2):
+        told = Text.load(bench.store.run(threads, bench.source).path).text
+    assert told.endswith(" 1 threads"), told
 
 
 def test_an_entry_is_the_input_of_a_later_stage(bench: Bench) -> None:

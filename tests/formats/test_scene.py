@@ -114,7 +114,7 @@ def test_quality_fills_what_is_left_open(file: Path, raw: dict[str, Any]) -> Non
     raw["billboards"][0]["resolution"] = 100
     raw["billboards"][1]["ring"] = {"terms": 31}
     oak, fern = scene.from_dict(raw, where="a.toml", root=None).billboards
-    assert (oak.resolution, oak.samples, fern.resolution) == (100, 16, 512)
+    assert (oak.resolution, oak.samples, fern.resolution) == (100, 8, 512)
     # Three lights a term are more than the quality's 48
     assert fern.ring.lights == 93
     # The quality's 9 terms; of 32 lights 10 have room

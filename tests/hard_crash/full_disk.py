@@ -112,7 +112,7 @@ def prove(
             trials[kind] += 1
             if not found and (left := unfinished(place)):
                 result["gone on with"] += len(left)
-                found = _again(forks.ended(partial(subject.run, place)), whole, place)
+                found = _again(forks.ended(partial(_quietly, subject, place)), whole, place)
             if found:
                 wrong[found[0]] += 1
                 faults.append(f"{name}, {kind}, {n} of {count}: {found[0]}: {found[1]}")
@@ -148,8 +148,13 @@ def _counted(subject: Subject, build: Path) -> int:
 def _on(disk: Disk, subject: Subject, build: Path) -> str:
     """Bake on that disk, in this process."""
     disk.mount()
-    subject.run(build)
+    _quietly(subject, build)
     return "went on"
+
+
+def _quietly(subject: Subject, build: Path) -> None:
+    Store.__init__.__kwdefaults__["say"] = lambda text: None
+    subject.run(build)
 
 
 def _told(
@@ -215,7 +220,7 @@ def _with_pages(
         os.posix_fallocate(stream.fileno(), 0, free - pages * PAGE)
     # The store would refuse before it begins; it may be wrong about what will be needed
     publish.require_space = lambda parent, needed: None
-    ended = forks.ended(lambda: subject.run(place))
+    ended = forks.ended(partial(_quietly, subject, place))
     (place / "ballast").unlink()
     return "value" in ended, _told(ended, old, whole, place)
 

@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from bake import tiles
 from pipelines import deliver
 from tests.hard_crash import forks
 from tests.hard_crash.subjects import Subject, place_old
@@ -26,7 +27,8 @@ WRONG = ("files not flushed before their name", "folders not flushed before thei
 def prove(subjects: dict[str, Subject], folder: Path) -> dict[str, Any]:
     """Bake each subject while watching what flushes and renames, with nothing delivered before
     and where an older folder is to be replaced."""
-    wrong, names, faults = dict.fromkeys(WRONG, 0), 0, []
+    wrong, faults = dict.fromkeys(WRONG, 0), []
+    names = {"entries": 0, "delivered": 0, "tiles": 0, "others": 0}
     for subject, replaced in itertools.product(subjects.values(), (False, True)):
         build = folder / "ordered"
         if replaced:
@@ -34,23 +36,33 @@ def prove(subjects: dict[str, Subject], folder: Path) -> dict[str, Any]:
         events = forks.value(partial(_watched, partial(subject.run, build), build))
         shutil.rmtree(build)
         published, bad = judged([(str(a), str(b), str(c)) for a, b, c in events])
-        names += published
+        for name in published:
+            names[_kind(Path(name))] += 1
         for problem, path in bad:
             wrong[problem] += 1
             faults.append(f"{subject.name}: {problem}: {path}")
     return {"names": names, "wrong": wrong, "faults": faults[:8]}
 
 
-def judged(events: list[Event]) -> tuple[int, list[tuple[str, str]]]:
-    """Return how many final names were given, and what was wrong with which.
+def _kind(name: Path) -> str:
+    if name.suffix == tiles.SUFFIX:
+        return "tiles"
+    if name.parent.name == "scenes":
+        return "delivered"
+    return "others" if name.name.startswith(".") else "entries"
+
+
+def judged(events: list[Event]) -> tuple[list[str], list[tuple[str, str]]]:
+    """Return the final names that were given, and what was wrong with which.
 
     A flush counts if the file was then as it was when it got its name.
     """
-    published, bad = 0, []
+    published: list[str] = []
+    bad = []
     for n, (what, target, states) in enumerate(events):
         if what != "rename" or "/.tmp-" in target:
             continue
-        published += 1
+        published.append(target)
         flushed = {(path, state) for kind, path, state in events[:n] if kind == "fsync"}
         for file in states.split("\n"):
             path, _, state = file.rpartition("=")

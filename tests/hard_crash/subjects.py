@@ -14,6 +14,7 @@ import numpy as np
 from bake import (
     billboard,
     compress,
+    cubes,
     dome,
     dome_renders,
     environment,
@@ -30,6 +31,7 @@ from bake import (
     transfer_rays,
     voxels,
 )
+from bake.lightmap_lights import Lamp
 from bake.recipe import Baked, Entry, Source
 from bake.store import Store
 from formats import seal
@@ -148,8 +150,9 @@ def subjects(folder: Path, size: int = 1, mesh_name: str = "blob") -> dict[str, 
     ring = photograph_ring.Params()
     pack, fit = mips.Params(max_lod=2.0), dome.Params(bands=3, penalty=0.01, channels=8)
     covered = dome.Params(bands=3, penalty=0.01, channels=8, coverage=True, max_lod=1.0)
-    rays = occlusion.Params(grid=6 * min(size, 4), l_max=2, rays=64, proof=4)
-    given = transfer.Params(l_max=2, rays=16, bounces=1, edge=0.25, components=8)
+    rays = occlusion.Params(grid=6 * min(size, 6), l_max=2, rays=64, proof=4)
+    traced = Step(occlusion.trace, rays, OcclusionHarmonics.load)
+    given = transfer.Params(l_max=2, rays=16, bounces=1, edge=0.25 / size, components=8)
     leaf = folder / "leaf.png"
     drawn = Source((leaf,), partial(picture.load, leaf))
     prepared = picture.Params(width=16 * size, height=20 * size, max_lod=1.0)
@@ -157,13 +160,8 @@ def subjects(folder: Path, size: int = 1, mesh_name: str = "blob") -> dict[str, 
         "ring": Sprite(shape, bake_sprites.ring_of_mesh(trace, pack)),
         "dome": Sprite(shape, dome_of_mesh(render, covered)),
         "picture": Sprite(drawn, (Step(picture.prepare, prepared, Picture.load),)),
-        "occlusion": Sprite(
-            shape,
-            (
-                Step(occlusion.trace, rays, OcclusionHarmonics.load),
-                Step(compress.compress, compress.Params(size=8 * min(size, 4)), Occlusion.load),
-            ),
-        ),
+        "occlusion": Sprite(shape, (traced, _compressed("talk", size))),
+        "occlusion in bands": Sprite(shape, (traced, _compressed("bands", size))),
         "transfer": Sprite(shape, (Step(transfer.trace, given, None),)),
         "mesh": Sprite(shape, (Step(mesh.prepare, mesh.Params(), Mesh.load),)),
         "voxels": Sprite(*_pile(folder)),
@@ -179,6 +177,7 @@ def subjects(folder: Path, size: int = 1, mesh_name: str = "blob") -> dict[str, 
         for name, sprite in sprites.items()
     }
     found["lightmap"] = Subject("lightmap", partial(_lightmap, folder=folder, size=size))
+    found["cubes"] = Subject("cubes", partial(_cubes, folder=folder, size=size))
     found["scene"] = Subject("scene", lambda store: _nothing(), folder / "scene.toml")
     return found
 
@@ -189,6 +188,11 @@ def _bake_sprite(store: Store, sprite: Sprite) -> Entry:
 
 def _nothing() -> Entry:
     raise TypeError("a scene is baked whole")
+
+
+def _compressed(encoding: str, size: int) -> Step:
+    params = compress.Params(encoding, size=8 * size**2)
+    return Step(compress.compress, params, Occlusion.load)
 
 
 def _pile(folder: Path) -> tuple[Source[Any], tuple[Step, ...]]:
@@ -204,12 +208,34 @@ def _sky(folder: Path) -> tuple[Source[Any], tuple[Step, ...]]:
 
 
 def _lightmap(store: Store, folder: Path, size: int) -> Entry:
-    inputs = (
+    params = lightmap.Params(texels=2 * min(size, 8), rays=32, bounces=1, target=0.0)
+    return store.run(lightmap.light, *_world(store, folder), params=params)
+
+
+def _cubes(store: Store, folder: Path, size: int) -> Entry:
+    """The same world with a lamp in it and two lights by it."""
+    params = cubes.Params(
+        position=(0.0, 0.0, 0.0),
+        environments=(((1.0, 0.9, 0.8), 0.5),),
+        lamps=(((0.5, 2.5, 0.5), (9.0, 6.0, 3.0), 1),),
+        lights=(
+            Lamp("sun", (2.0, 2.0, 1.5), (0.6, 0.8, 0.0), 0.01),
+            Lamp("sphere", (20.0, 10.0, 5.0), (3.0, 3.0, 2.0), 0.2),
+        ),
+        reaches=(),
+        texels=2 * min(size, 8),
+        rays=16,
+        bounces=1,
+        target=0.0,
+    )
+    return store.run(cubes.light, *_world(store, folder), params=params)
+
+
+def _world(store: Store, folder: Path) -> tuple[Baked[Any], ...]:
+    return (
         Baked(bake_sprites.bake(store, Sprite(*_pile(folder))), Voxels.load),
         Baked(bake_sprites.bake(store, Sprite(*_sky(folder))), Environment.load),
     )
-    params = lightmap.Params(texels=2 * size, rays=32, bounces=1, target=0.0)
-    return store.run(lightmap.light, *inputs, params=params)
 
 
 def place_old(folder: Path) -> None:

@@ -140,3 +140,25 @@ def flat_lights(n, at, a, size):
         yield lights.rectangle_irradiance(
             np.zeros(3), n, at, u * size[:, None], v * size[:, None], 1.0, two_sided=True
         )
+
+
+def test_a_ball_of_radius_0_gives_nothing_at_its_own_place_too() -> None:
+    for place in ([0.0, 0, 0], [0.0, 2, 0]):
+        assert lights.sphere_irradiance([0.0, 0, 0], [0, 1.0, 0], place, 0.0, 1.0) == 0
+
+
+def test_what_is_not_finite_is_refused() -> None:
+    here, up = [0.0, 0, 0], [0.0, 1, 0]
+    for x in (np.nan, np.inf):
+        with pytest.raises(ValueError, match="finite place"):
+            lights.sphere_irradiance(here, up, [0.0, x, 0], 1.0, 1.0)
+        with pytest.raises(ValueError, match="finite radius"):
+            lights.sphere_irradiance(here, up, up, x, 1.0)
+        with pytest.raises(ValueError, match="finite direction"):
+            lights.sun_irradiance(up, [x, 0.0, 0.0], 1.0)
+        with pytest.raises(ValueError, match="angular radius"):
+            lights.sun_irradiance(up, up, 1.0, x)
+        with pytest.raises(ValueError, match="disc light"):
+            lights.disc_irradiance(here, up, [0.0, x, 0], up, 1.0, 1.0)
+        with pytest.raises(ValueError, match="finite corners"):
+            lights.polygon_irradiance(here, up, [[0.0, 1, 0], [1, x, 0], [0, 1, 1]], 1.0)

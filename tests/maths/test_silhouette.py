@@ -332,3 +332,15 @@ def test_a_hundred_thousand_faces_take_half_a_second() -> None:
     points = 320 * 159 + 2
     assert edges.nbytes == 40 * len(edges.ends) + 32 * len(edges.planes) + 80 * points
     assert SimpleNamespace(mb=edges.nbytes / 1e6).mb < 14
+
+
+@pytest.mark.parametrize("most", [3, 1 << 40])
+def test_equal_rows_share_a_number_however_wide_their_columns(
+    rng: np.random.Generator, most: int
+) -> None:
+    # Beyond 62 bits columns are told apart by their ranks
+    rows = rng.integers(-most, most, (40, 3))[rng.integers(0, 40, 200)]
+    number, first = silhouette_edges._same(*rows.T)
+    _, at, wanted = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    np.testing.assert_array_equal(number, wanted.ravel())
+    np.testing.assert_array_equal(first, at)

@@ -166,3 +166,8 @@ def test_what_is_no_light_is_refused() -> None:
         project_polygon([0, 0, 0], OUTLINE[:2], ONE, 2)
     with pytest.raises(ValueError, match="angular"):
         project_sun([0, 0, 1], ONE, 2, angular_radius=3.0)
+
+
+def test_a_ball_of_radius_0_gives_nothing_at_its_own_place_too() -> None:
+    for place in (np.zeros(3), np.array([0.0, 2, 0])):
+        assert not project_sphere(np.zeros(3), place, 0.0, [1.0, 1, 1], 3).any()

@@ -58,8 +58,8 @@ def plain(assets: Path, tmp_path: Path) -> dict[str, Any]:
         ("lens", "depth_of_field", 0, []),
         ("fog", "fog", 1, []),
         ("environment", "environment", 0, ["bake.environment.resample"]),
-        # Samples of the opaque picture are no textures
-        ("surface", "surface", 1, ["bake.mesh.prepare"]),
+        # Its own program and the one that averages samples
+        ("surface", "surface", 2, ["bake.mesh.prepare"]),
     ],
 )
 def test_a_part_adds_exactly_its_own(
@@ -149,13 +149,13 @@ LIGHTS = "runtime.light_uniforms"
             2,
             [],
         ),
-        # Meshes lit so are drawn by it, not by the surface pass
+        # Meshes lit so are drawn by it, not by the surface pass; samples are averaged
         (
             "transfer",
             {},
             {"meshes": [{**HOUSE["meshes"][0], "lighting": "transfer"}]},
             ["runtime.surfaces", "runtime.incident", "runtime.light_harmonics"],
-            1,
+            2,
             1,
             ["bake.transfer.trace"],
         ),
@@ -183,7 +183,7 @@ LIGHTS = "runtime.light_uniforms"
             [],
         ),
         # Four layers, two of tiles, three sums, copies of colour and depth, the near layer's two
-        ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 4, 14, []),
+        ("defocus", {**LENS, **HOUSE, "force": {"defocus": False}}, {"force": {}}, [], 5, 14, []),
         # A copy of the picture
         ("radial_blur", SKY, {"picture": {**SKY["picture"], "radial_blur": {}}}, [], 1, 1, []),
         # Levels of 32 x 18 and 16 x 9
@@ -249,7 +249,8 @@ GOES = {"times": [0, 1], "values": [[0, 1, 0], [0.5, 1, 0]]}
 LAMPS = {"lamps": [{"position": GOES, "radiance": [3, 2, 1]}]}
 BUST = {"meshes": [{**HOUSE["meshes"][0], "lighting": "transfer"}]}
 GATHER = (
-    *("gather", "gather_draws", "gather_schedule", "gather_targets", "voxel_lamps"),
+    *("gather", "gather_draws", "gather_error", "gather_schedule", "gather_targets"),
+    "voxel_lamps",
     *("light_sights", "light_uniforms"),
 )
 
@@ -264,18 +265,19 @@ GATHER = (
             {},
             {"lightmap", "voxels"},
             {"runtime.surfaces"},
-            1,
+            2,
             6,
             ["bake.cubes.light", "bake.voxels.from_vox"],
         ),
-        # Four programs of rays and one for lamps; instead of baked light two textures of places,
-        # two of pages, six of sums, two of what was shown, what is sent, light, and lamps
+        # Five programs of rays, one for lamps and one for samples; instead of baked light two
+        # textures of places, two of pages, six of sums, two of what was shown, what is sent, light,
+        # and lamps
         (
             {},
             LAMPS,
             {"gather", "voxels"},
             {"runtime.surfaces", *(f"runtime.{name}" for name in GATHER)},
-            6,
+            8,
             20,
             ["bake.cubes.light", "bake.voxels.from_vox"],
         ),

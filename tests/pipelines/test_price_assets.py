@@ -12,7 +12,15 @@ import pytest
 from bake import billboard, compress, dome, dome_renders, mips, occlusion, transfer
 from bake.store import Store
 from formats import report
-from pipelines import cli, price, single
+from pipelines import (
+    cli,
+    price,
+    price_dome,
+    price_occlusion,
+    price_sprites,
+    price_transfer,
+    single,
+)  # fmt: skip
 from pipelines.price import Ask
 from pipelines.price_dome import DomeAsset
 from pipelines.price_occlusion import OcclusionAsset
@@ -22,6 +30,18 @@ from pipelines.price_transfer import TransferAsset
 ROUND = 9  # sides of the cups
 LONGEST = 1.25
 """Times the promise that a bake may err: its own interval is a tenth to a fifth, twice."""
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Probe and check with a third of the rays and places."""
+    for module, name, value in (
+        (price_sprites, "TRUTH", 36), (price_sprites, "SPANS", 24), (price_dome, "TRUTH", 36),
+        (price_dome, "UNSEEN", 6), (price_occlusion, "PROBE_GRID", 7),
+        (price_occlusion, "MANY", 512), (price_transfer, "TRUTH", 768),
+        (price_transfer, "VERTICES", 64),
+    ):  # fmt: skip
+        monkeypatch.setattr(module, name, value)
 
 
 @pytest.fixture(scope="module")

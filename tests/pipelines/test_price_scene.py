@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from formats import scene as scenes
-from pipelines import cli, price_plan, price_scene
+from pipelines import cli, price_kept, price_plan
 from pipelines import plan as plans
 from pipelines.price import Ask
 
@@ -71,12 +71,38 @@ def test_chosen_knobs_are_the_scene_s(path: Path) -> None:
         "billboard/steps": {"samples": 7, "terms": 9, "lights": 32},
         "occlusion/steps": {"rays": 99, "l_max": 3, "components": 12},
     }
-    changed = price_scene.applied(scene, knobs)
+    changed = price_kept.applied(scene, knobs)
     group, mesh = changed.billboards[0], changed.meshes[0]
     assert group.ring is not None
     assert mesh.shadow is not None
     assert (group.samples, group.ring.terms, group.ring.lights) == (7, 9, 32)
     assert (mesh.shadow.rays, mesh.shadow.l_max, mesh.shadow.components) == (99, 3, 12)
+
+
+def test_photographs_under_a_dome_have_a_price() -> None:
+    group = {"name": "shell", "source": "shell.lp", "height": 1, "positions": [[0, 0, 0]]}
+    camera = {"position": [0, 1, 5], "target": [0, 1, 0]}
+    raw = {"format": 1, "camera": camera, "billboards": [group]}
+    scene = scenes.from_dict(raw, where="a.toml", root=None)
+    assert price_plan.has_price(scene, "billboard/shell")
+    dome = price_kept.applied(scene, {"billboard/shell": {"channels": 9}}).billboards[0].dome
+    assert dome is not None
+    assert dome.channels == 9
+    raw["billboards"] = [{**group, "ring": {"elevation": 45}}]
+    assert not price_plan.has_price(scenes.from_dict(raw, where="a.toml", root=None),
+                                    "billboard/shell")  # fmt: skip
+
+
+def test_knobs_that_no_longer_fit_are_left(path: Path) -> None:
+    scene = scenes.load(path)
+    gone = {
+        "billboard/steps": {"samples": 3, "lights": 40, "channels": 8},  # was a dome
+        "transfer/other": {"rays": 8},
+        "lightmap/world": {"error": 0.1},
+    }
+    changed = price_kept.applied(scene, gone)
+    assert changed.billboards[0].samples == 3
+    assert changed.meshes == scene.meshes
 
 
 def test_plan_says_whether_a_probe_or_a_prior_speaks(path: Path, tmp_path: Path) -> None:
@@ -103,6 +129,13 @@ def test_scene_by_error(path: Path, tmp_path: Path, capsys: pytest.CaptureFixtur
     assert {offer["from"] for offer in offers} == {"probe"}
     points = {offer["asset"]: offer["point"]["knobs"] for offer in offers}
     assert points == {name: asset["knobs"] for name, asset in assets.items()}
+    # Baked again, as a window does, it keeps these knobs, and tells nothing as measured
+    again = price_kept.bake_again(path, root=None, build_folder=tmp_path / "b")
+    assert again.baked == 0
+    kept = price_kept.of_folder(again.folder)
+    assert {name: deal["knobs"] for name, deal in kept.items()} == points
+    manifest = json.loads((again.folder / "manifest.json").read_text())
+    assert "reached_error" not in manifest["price"]["billboard/steps"]
 
 
 def test_scene_out_of_reach(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,17 +3,18 @@
 import json
 import subprocess
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from assets.voxels import vox_file
-from bake import reference, reference_cubes
+from bake import reference, reference_cubes, tiles
 from bake.reference_film import develop
 from formats import scene as scenes
 from formats.files import exr, image
-from pipelines import bake_cubes
+from pipelines import bake_cubes, output
 from pipelines.cli import run
 from pipelines.render_scene import trace_scene
 from tests.bake import reference_scenes, small_meshes
@@ -175,6 +176,37 @@ def test_light_goes_on_as_often_as_cubes_ask(
     cubes.write_text(CUBES.replace("bounces = 5", "bounces = 0"))
     trace_scene(cubes, tmp_path / "x.exr", size="4x4", samples=2, root=tmp_path)
     assert [params.bounces for params in asked] == [5, 2]
+
+
+@pytest.mark.parametrize("edited", [False, True])
+def test_an_interrupted_picture_goes_on(
+    bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edited: bool,
+    capfd: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """With what was traced of the same scene; the bytes are those of one that was not."""
+    monkeypatch.setattr(tiles, "EVERY", 0.0)
+    monkeypatch.setattr(tiles, "PRICE", 0)
+    monkeypatch.setattr(reference, "PIXELS", 8)
+    out, build = tmp_path / "x.exr", tmp_path / "build"
+
+    def traced(stop: bool = False) -> bytes:
+        def bar(name: str, fraction: float) -> None:
+            if stop and fraction > 0.5:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(output, "bars", lambda: nullcontext(bar))
+        trace_scene(bare, out, size="8x6", samples=4, build_folder=build)
+        return out.read_bytes()
+
+    with pytest.raises(KeyboardInterrupt):
+        traced(stop=True)
+    assert not out.exists()
+    if edited:
+        bare.write_text(BARE.replace("exposure = 0.5", "exposure = 0.6"))
+    again = traced()
+    assert ("going on with the reference of bare: " in capfd.readouterr().err) is not edited
+    assert len(list((build / "store").glob(".tiles-*"))) == edited
+    assert traced() == again
 
 
 @pytest.mark.gpu

@@ -15,6 +15,7 @@ from pipelines.studies import (
     bench,
     lens_by_mips,
     light_directions,
+    meshes,
     ray_calls,
     ring_models,
     run,
@@ -198,7 +199,7 @@ def test_replay_casts_the_same_rays() -> None:
 
 
 def test_knot_is_closed_and_looks_outward() -> None:
-    mesh = subjects.knot(60, 12)
+    mesh = meshes.knot(60, 12)
     edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     _, uses = np.unique(edges, axis=0, return_counts=True)
     assert set(uses.tolist()) == {2}
@@ -214,6 +215,8 @@ OWN = {
     "lens_by_mips",
     "gather_lights",
     "gather_modes",
+    "importance",
+    "lightmap_texels",
     "voxel_storage",
     "shadow_truth",
     "shadow_lights",

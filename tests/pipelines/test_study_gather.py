@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from bake import voxel_faces
-from pipelines.studies import cube_gathers, gather_lights, gather_modes, voxel_storage
+from pipelines.studies import (
+    cube_gathers,
+    gather_lights,
+    gather_modes,
+    gather_rays,
+    importance,
+    lightmap_texels,
+    voxel_storage,
+)
 from tests.runtime.cube_worlds import box, inside, room
 
 pytestmark = pytest.mark.gpu
@@ -28,8 +36,8 @@ def test_errors_and_slopes_are_their_closed_forms() -> None:
     assert cube_gathers.error_of(found, truth, used) == pytest.approx(0.25)
     passes = [4, 8, 64]
     assert cube_gathers.slope(passes, [3 * p**-0.7 for p in passes]) == pytest.approx(-0.7)
-    assert gather_modes.net(5.0, 3.0) == pytest.approx(4.0)
-    assert gather_modes.net(5.0, 6.0) == pytest.approx(1.25)
+    assert gather_rays.net(5.0, 3.0) == pytest.approx(4.0)
+    assert gather_rays.net(5.0, 6.0) == pytest.approx(1.25)
 
 
 def test_the_nook_has_a_doorway_and_light() -> None:
@@ -62,18 +70,30 @@ def test_so_many_cells_glow_as_bright_together() -> None:
 
 
 def test_rows_of_lights_hold_what_they_name() -> None:
-    rows = gather_lights.measured(room(), (1, 20), rounds=1, passes=8, rays=40)
+    rows = gather_lights.measured(room(), (1, 20), rounds=1, passes=8, rays=40, more=16)
     assert [row["glowing"] for row in rows] == [1, 20]
     for row in rows:
         assert row["talk_ms"] > 0
         # A ray looks at its start at least; the world is 9 + 7 + 8 cells long
         assert 1 < row["aimed_visits"] < 25
         assert row["exact_ns_a_cell"] > 0
+        for name in ("error", "baked"):
+            assert 0 < row[f"{name}_low"] <= row[name] <= row[f"{name}_high"] < 1
     # What rays along the cosine cross does not depend on what glows
     assert rows[0]["free_visits"] == rows[1]["free_visits"]
-    # One small lamp: rays at random hardly find it
-    assert rows[0]["aimed_mean"] < 0.5 * rows[0]["free_mean"]
+    points = gather_lights.points(rows)
+    assert {p["series"] for p in points} == {"gathered", "baked lightmap"}
     assert gather_lights.spread_of([2.0, 3.0, 2.5]) == 1.5
+
+
+def test_aiming_finds_one_small_lamp(card) -> None:
+    world = gather_lights.glowing(room(), faces := gather_modes.laid_out(room(), 1), 1)
+    row = importance.errors(card, world, faces, passes=8, rays=40)
+    # Rays at random hardly find it
+    assert row["aimed_mean"] < 0.5 * row["free_mean"]
+    assert {p["series"] for p in importance.points([row | {"glowing": 1}])} == set(
+        importance.NAMES.values()
+    )
 
 
 # modes
@@ -85,10 +105,10 @@ def test_lookups_between_texels() -> None:
     coarse, fine = (voxel_faces.layout(world.cells, texels=n) for n in (2, 5))
     image = np.nan_to_num(coarse.positions())
     rows, tu, tv, x, y = coarse.interior
-    found = gather_modes.looked_up(coarse, image, coarse)
+    found = lightmap_texels.looked_up(coarse, image, coarse)
     np.testing.assert_array_equal(found, image[y, x])
     rows, tu, tv, x, y = fine.interior
-    found = gather_modes.looked_up(coarse, image, fine)
+    found = lightmap_texels.looked_up(coarse, image, fine)
     r = fine.rectangles[rows]
     # Half a coarse texel from a rim, gutters count, which hold no line here
     away = (tu > 0) & (tv > 0) & (tu < 5 * r["width"] - 1) & (tv < 5 * r["height"] - 1)
@@ -96,7 +116,7 @@ def test_lookups_between_texels() -> None:
     np.testing.assert_allclose(found[away], fine.positions()[y, x][away], atol=1e-5)
     other = voxel_faces.layout(room().cells, texels=1)
     with pytest.raises(ValueError, match="differ"):
-        gather_modes.looked_up(coarse, image, other)
+        lightmap_texels.looked_up(coarse, image, other)
 
 
 def test_error_falls_to_that_of_a_white_furnace(card) -> None:
@@ -112,6 +132,22 @@ def test_error_falls_to_that_of_a_white_furnace(card) -> None:
     assert rows[1]["error"] < 0.3 * rows[0]["error"]
     # Measured .017, of 24 texels
     assert rows[1]["error"] < 0.025
+
+
+def test_a_lightmap_of_more_texels_errs_less() -> None:
+    """Light of a lamp in a box, between texels, baked on one texel a face and on four."""
+    world = gather_lights.glowing(room(), gather_modes.laid_out(room(), 1), 20)
+    fine = gather_modes.laid_out(world, lightmap_texels.PLACES)
+    truth = cube_gathers.traced(world, fine, 64).irradiance
+    used = fine.cell() >= 0
+    errors = []
+    for texels in (1, 4):
+        faces = gather_modes.laid_out(world, texels)
+        light, seconds = lightmap_texels.baked(world, faces, 128)
+        assert seconds > 0
+        found = lightmap_texels.shown_at(faces, light, fine)
+        errors.append(cube_gathers.error_of(found, truth, used))
+    assert errors[1] < 0.8 * errors[0]
 
 
 # storage

@@ -242,7 +242,7 @@ def test_a_front_that_hardly_blurs_hides_a_bright_background(kit, shown, radius)
     np.testing.assert_allclose(ours[inside], sharp[inside], rtol=5 * 2.0**-11)
 
 
-def test_it_has_four_programs_and_follows_the_size(kit, write_scene, ctx):
+def test_it_has_five_programs_and_follows_the_size(kit, write_scene, ctx):
     view, meshes, _, assets, _ = scenes(kit)["blurred over sharp"]
     raw = {"format": 1, "camera": view, "lights": SUN, "meshes": meshes, "picture": FILM}
     counts = {}
@@ -258,7 +258,7 @@ def test_it_has_four_programs_and_follows_the_size(kit, write_scene, ctx):
             player.targets.resize(SIZE)
             np.testing.assert_array_equal(player.frame(0.0), first)
             assert player.targets.texture_count == textures
-    assert counts["surface", "defocus", "film"] - counts["surface", "film"] == 4
+    assert counts["surface", "defocus", "film"] - counts["surface", "film"] == 5
 
 
 def test_the_truth_keeps_what_is_in_focus_where_it_is():
