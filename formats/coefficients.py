@@ -46,7 +46,7 @@ class Coefficients:
         for v, (terms, alpha) in enumerate(zip(self.terms, self.alpha, strict=True)):
             parts[f"view{v}.alpha"] = alpha[..., None]
             parts |= {f"view{v}.term{k}": term for k, term in enumerate(terms)}
-        if self.held_out.size:
+        if self.held_out_texels.size:
             width = self.alpha.shape[2]
             parts |= {f"held_out{m}": _folded(row, width) for m, row in enumerate(self.held_out)}
             # As rows and columns: float32 holds whole numbers up to 2^24 only
@@ -82,10 +82,10 @@ class Coefficients:
         terms = [[parts[f"view{v}.term{k}"] for k in range(ring.terms)] for v in views]
         alpha = [parts[f"view{v}.alpha"][..., 0] for v in views]
         count = layout["held_out"]
-        held_out, texels = np.zeros((len(angles), 0, 3), np.float32), np.zeros(0, np.int64)
+        held_out, texels = np.zeros((len(angles), count, 3), np.float32), np.zeros(0, np.int64)
+        for m in range(len(angles) if count else 0):
+            held_out[m] = parts[f"held_out{m}"].reshape(-1, 3)[:count]
         if count:
-            rows = [parts[f"held_out{m}"].reshape(-1, 3)[:count] for m in range(len(angles))]
-            held_out = np.stack(rows)
             places = parts["held_out_texels"].reshape(-1, 3)[:count].astype(np.int64)
             texels = places[:, 0] * alpha[0].shape[1] + places[:, 1]
         return cls(

@@ -29,7 +29,7 @@ def make(rng, views=2, terms=5, size=(6, 7), held=(3, 11), ring=None):
 
 @pytest.mark.parametrize("views", [1, 3])
 @pytest.mark.parametrize("terms", [1, 5, 9])
-@pytest.mark.parametrize("held", [(3, 11), (2, 1), (2, 0), (0, 0), (1, 42)])
+@pytest.mark.parametrize("held", [(3, 11), (2, 1), (2, 0), (0, 0), (0, 5), (1, 42)])
 def test_files_keep_every_bit(views, terms, held, tmp_path, rng):
     master = make(rng, views, terms, held=held)
     master.save(tmp_path)
