@@ -284,6 +284,8 @@ def _assemble(
         "sources": sources_of(scene),
         "plan": plan.as_dict(),
         "assets": assets,
+        # As they were planned: keys of this file are sorted
+        "order": list(assets),
         "keys": sorted(entry.key for entry in entries.values()),
         **({} if price is None else {"price": price}),
     }

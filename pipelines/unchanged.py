@@ -48,7 +48,7 @@ def look(path: Path, root: Path | None, build_folder: Path) -> Unchanged | None:
             return None
         seal.verify(folder)
         # Sets may share an entry
-        named = {asset: Path(where).name for asset, where in manifest["assets"].items()}
+        named = {asset: Path(manifest["assets"][asset]).name for asset in manifest["order"]}
         entries = {path.name[-64:]: path for path in (build_folder / "store").absolute().iterdir()}
         keys = {key[:32]: key for key in manifest["keys"]}
         kept = {name: _kept(entries[keys[name]], keys[name]) for name in set(named.values())}

@@ -62,7 +62,8 @@ def test_more_bands_come_nearer_to_the_truth() -> None:
     caster = scene.meshes[0]
     mesh, where = sources.load(caster.source), shadow_steps.receivers(scene, 0.0, (16, 9))
     error = []
-    for shadow in (Shadow(l_max=1, grid=4), Shadow(l_max=6, encoding="bands", size=16, grid=4)):
+    few = Shadow(l_max=1, components=4, grid=4)
+    for shadow in (few, Shadow(l_max=6, components=16, encoding="bands", size=16, grid=4)):
         shares = shadow_steps.shares(
             scene, caster, mesh, 0.0, shadow=shadow, samples=24, where=where
         )
