@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import nnls
-from scipy.special import stdtrit
+
+from maths.intervals import coverage_factor
 
 Array = NDArray[np.float64]
 
-LEVEL = 0.975  # quantile: 2.5 % lie on each side
 WIDEST = 3.0  # of the logarithm of a mean square: what few samples can say is no more
 
 
@@ -88,5 +88,5 @@ def relative_rms(squares: ArrayLike, wholes: ArrayLike) -> Estimate:
         return Estimate(root, root, root)
     residual = (squares - ratio * wholes) / (whole / n)
     error = float(np.std(residual, ddof=1)) / n**0.5 / ratio
-    half = float(np.exp(min(WIDEST, float(stdtrit(n - 1, LEVEL)) * error) / 2))
+    half = float(np.exp(min(WIDEST, coverage_factor(n - 1) * error) / 2))
     return Estimate(root, root / half, root * half)

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from maths import intervals
+
 LEVEL = 0.975  # quantile: 2.5 % lie on each side
 
 
@@ -82,7 +84,5 @@ def _relative_error(values: np.ndarray, mean: float) -> float:
     """Return the half-width of the mean's interval over the mean, at most 3."""
     if len(values) < 2 or mean <= 0:
         return 0.0
-    from scipy.special import stdtrit
-
     error = float(np.std(values, ddof=1)) / np.sqrt(len(values)) / mean
-    return float(min(3.0, stdtrit(len(values) - 1, LEVEL) * error))
+    return float(min(3.0, intervals.coverage_factor(len(values) - 1) * error))
