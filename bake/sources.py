@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bake import materials
 from formats import interrupts
-from formats.errors import InputError
+from formats.errors import InputError, reason
 from formats.files.glb_buffers import unpack
 from formats.files.reading import refusing
 from formats.mesh import Mesh
@@ -92,9 +92,8 @@ def load(path: Path) -> Mesh:
         scene = trimesh.load_scene(path, resolver=_resolver(path), process=False)
         placed = _placed(scene)
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"[:160]
         remedy = "this mesh cannot be read; export it again as GLB"
-        raise InputError(path, "", reason, remedy) from error
+        raise InputError(path, "", reason(error)[:160], remedy) from error
     linear = path.suffix.lower() in (".glb", ".gltf")
     reader = materials.Reader(linear=linear, strengths=_strengths(path) if linear else {})
     parts = [_part(*item, path, reader) for item in placed]

@@ -21,7 +21,7 @@ cannot leave it. A file has at most 4 MB, a list at most 100,000 items.
 
 What is written as *keyed* may be a plain value or move over time:
 `{ times = [0, 5], values = [1.3, 7.2], interpolation = "smooth", loop = false }`. Times increase
-strictly, there is one value for each; `interpolation` is `"linear"` (when absent), `"step"` or
+by a microsecond or more, there is one value for each; `interpolation` is `"linear"` (when absent), `"step"` or
 `"smooth"` (starts and ends at rest and never overshoots). Before the first and after the last key
 the value holds, unless `loop` repeats it.
 

@@ -32,3 +32,14 @@ class DamagedError(BakelightError):
     """A baked asset whose bytes are not those that were sealed."""
 
     exit_code = 4
+
+
+def reason(error: BaseException) -> str:
+    """Return what an exception says in one line, behind its type where that says more than
+    ValueError does.
+
+    >>> reason(ValueError("no header")), reason(KeyError("size"))
+    ('no header', "KeyError: 'size'")
+    """
+    text = " ".join(str(error).split())
+    return text if type(error) is ValueError and text else f"{type(error).__name__}: {text}"

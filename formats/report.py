@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from formats import seal
-from formats.errors import BakelightError, DamagedError, InputError
+from formats.errors import BakelightError, DamagedError, InputError, reason
 from formats.files import atomic
 from formats.files.reading import MAX_JSON_BYTES, read_bytes, strict_json
 
@@ -43,8 +43,8 @@ def understood(load: Callable[[From, Path], Made]) -> Callable[[From, Path], Mad
         except BakelightError:
             raise
         except (Exception, MemoryError) as error:
-            reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-            raise DamagedError(Path(folder) / NAME, "entries", reason, "bake it again") from error
+            why = reason(error)[:160]
+            raise DamagedError(Path(folder) / NAME, "entries", why, "bake it again") from error
 
     return answering
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from formats.errors import InputError
 from formats.keyed import INTERPOLATIONS, Interpolation, Keyed
+from maths.keyframes import CLOSEST
 
 MAX_ITEMS = 100_000  # positions or keys of one list
 MAX_TABLES = 256  # lights, sets of sprites
@@ -253,10 +254,10 @@ def keyed(raw: object, spec: Spec, where: Where) -> Keyed:
         where.at("values").refuse(
             f"{len(values)} values", f"write as many as times, which are {len(times)}"
         )
-    late = np.flatnonzero(np.diff(times) <= 0)
+    late = np.flatnonzero(np.diff(times) < CLOSEST)
     if late.size:
         where.at("times").item(int(late[0]) + 1).refuse(
-            content["times"][late[0] + 1], "write times that increase strictly"
+            content["times"][late[0] + 1], f"write times that increase, by {CLOSEST:g} s or more"
         )
     interpolation = text(
         content.get("interpolation", "linear"),

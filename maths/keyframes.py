@@ -12,6 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 INTERPOLATIONS = ("linear", "step", "smooth")
 
+CLOSEST = 1e-6
+"""Seconds between two keys: slopes of nearer ones would leave the range of numbers."""
+
 
 def sample(
     times: ArrayLike,
@@ -22,7 +25,8 @@ def sample(
 ) -> NDArray[np.float64]:
     """Evaluate keys at times t; never outside the range of the keyed values.
 
-    times : (n,) seconds, strictly increasing, n >= 1.  values : (n, ...).  t : (...) seconds.
+    times : (n,) seconds, increasing by CLOSEST or more, n >= 1.  values : (n, ...).
+    t : (...) seconds.
     interpolation : "linear"; "step" (a key holds until the next); "smooth" (C1 cubic that starts
         and ends at rest, monotone between keys; with two keys it is smoothstep).
     loop : repeat with period times[-1] - times[0]; otherwise the ends hold.
@@ -101,8 +105,8 @@ def _checked(
         raise ValueError("Keys need one value for each of one or more times.")
     if not (np.all(np.isfinite(when)) and np.all(np.isfinite(keyed))):
         raise ValueError("Times and values of keys are finite numbers.")
-    if np.any(np.diff(when) <= 0):
-        raise ValueError("Times of keys increase strictly.")
+    if np.any(np.diff(when) < CLOSEST):
+        raise ValueError(f"Times of keys increase, by {CLOSEST:g} s or more.")
     return when, keyed
 
 

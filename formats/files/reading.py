@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from formats.errors import BakelightError, InputError, MachineError
+from formats.errors import BakelightError, InputError, MachineError, reason
 
 MAX_JSON_BYTES = 64 << 20
 """Largest JSON text that is parsed."""
@@ -58,9 +58,8 @@ def refusing(name: object, kind: str) -> Iterator[None]:
     except MemoryError as error:
         raise MachineError(name, kind, "out of memory", "close other programs") from error
     except Exception as error:
-        reason = f"{type(error).__name__}: {error}"
         remedy = f"the file is damaged or not a {kind}: export it again"
-        raise InputError(name, kind, reason, remedy) from error
+        raise InputError(name, kind, reason(error), remedy) from error
 
 
 def strict_json(data: bytes, name: object) -> Any:

@@ -118,7 +118,7 @@ def subjects(setting: Setting) -> dict[str, Mesh]:
 
 def times_of(setting: Setting) -> int:
     """Return how many times the rays of the finest the truth of a mesh has."""
-    return setting.pick(16, 64)
+    return setting.pick(16, 32)
 
 
 def worst(rows: list[Row], way: str) -> float:
@@ -133,7 +133,7 @@ def _rows(
     setting: Setting,
     shots: dict[tuple[str, str], Shot],
 ) -> list[Row]:
-    found = voxels(mesh, setting.pick(48, 400), setting.seed)
+    found = voxels(mesh, setting.pick(48, 160), setting.seed)
     if convex(mesh):
         truth = silhouettes(mesh, found)
     else:

@@ -172,8 +172,10 @@ def test_the_dotted_field_leads_to_the_fault(raw: dict, field: str, remedy: str)
         ({"values": [0]}, "speed.times", "add it"),
         ({"times": [], "values": []}, "speed.times", "at least one key"),
         ({"times": [0, 1], "values": [1]}, "speed.values", "as many as times, which are 2"),
-        ({"times": [0, 1, 1], "values": [1, 2, 3]}, "speed.times[2]", "increase strictly"),
-        ({"times": [0, -1], "values": [1, 2]}, "speed.times[1]", "increase strictly"),
+        ({"times": [0, 1, 1], "values": [1, 2, 3]}, "speed.times[2]", "increase, by 1e-06 s"),
+        ({"times": [0, -1], "values": [1, 2]}, "speed.times[1]", "increase, by 1e-06 s"),
+        # Such a slope is no number
+        ({"times": [0, 1e-320], "values": [1, 2]}, "speed.times[1]", "increase, by 1e-06 s"),
         ({"times": [0, INF], "values": [1, 2]}, "speed.times[1]", "finite"),
         ({"times": [0, 1], "values": [1, 21]}, "speed.values[1]", "from 0 to 20"),
         ({"times": [0, 1], "values": [1, [2, 3]]}, "speed.values[1]", "write a number"),

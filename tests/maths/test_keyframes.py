@@ -82,6 +82,7 @@ def test_one_key_is_a_constant() -> None:
         ([], [], 0, "linear"),
         ([0, 0], [1, 2], 0, "linear"),
         ([1, 0], [1, 2], 0, "linear"),
+        ([0, 1e-320], [1, 2], 0, "smooth"),
         ([0, 1], [1], 0, "linear"),
         ([0, 1], [1, np.nan], 0, "linear"),
         ([0, np.inf], [1, 2], 0, "linear"),

@@ -212,11 +212,24 @@ class Seen:
         self.hand("mousedown", 1, "sleep", 0.1, "mouseup", 1)
 
     def drag(self, start: tuple[int, int], end: tuple[int, int], button: int = 1) -> None:
-        """Drag from a pixel of the window to another."""
+        """Drag from a pixel of the window to another.
+
+        A button that goes down holds the mouse until the window manager has looked at it. Where
+        that takes long, X merges all moves of that time into the last: the drag has to arrive.
+        """
         self.move(*start)
+        x, y = self._mouse()
+        arrived = (x + end[0] - start[0], y + end[1] - start[1])
         self.hand("mousedown", button)
         self.move(*end)
+        wait_until(lambda: self._mouse() == arrived, f"the mouse does not come to {arrived}")
         self.hand("mouseup", button)
+
+    def _mouse(self) -> tuple[int, int]:
+        """Where the mouse is on the screen."""
+        said = self.hand("getmouselocation", "--shell")
+        place = dict(line.split("=") for line in said.splitlines())
+        return int(place["X"]), int(place["Y"])
 
     # what it shows
 
@@ -230,9 +243,7 @@ class Seen:
     def shot(self) -> NDArray[np.int16]:
         """Return what the screen shows of the window (h, w, 3), the mouse out of the way."""
         self.move(0, 0)
-        said = self.hand("getmouselocation", "--shell").splitlines()
-        place = dict(line.split("=") for line in said)
-        x, y = int(place["X"]), int(place["Y"])
+        x, y = self._mouse()
         width, height = self.size
         return self._desk.shot()[y : y + height, x : x + width]
 
