@@ -68,14 +68,14 @@ class Reader:
         factor = getattr(material, "emissiveFactor", None)
         if factor is None or not np.any(np.asarray(factor) > 0):
             return (0.0, 0.0, 0.0), ()
-        strength = self.strengths.get(str(material.name or ""), 1.0)
+        strength = self.strengths.get(_name(material), 1.0)
         emitted = np.asarray(factor, np.float64) * strength
         notes: tuple[str, ...] = ()
         image = getattr(material, "emissiveTexture", None)
         if image is not None and has_uv:
             texture = self._texture(image)
             emitted = emitted * (0.0 if texture is None else texture.mean(axis=(0, 1)))
-            notes = (f"{material.name or 'a material'} glows evenly, by its picture's mean",)
+            notes = (f"{_name(material) or 'a material'} glows evenly, by its picture's mean",)
         red, green, blue = np.nan_to_num(emitted).clip(0, BRIGHTEST).tolist()
         return (red, green, blue), notes
 
@@ -91,7 +91,7 @@ class Reader:
         factor = getattr(material, "baseColorFactor", None)
         image = getattr(material, "baseColorTexture", None) if has_uv else None
         return Material(
-            name=str(getattr(material, "name", "") or ""),
+            name=_name(material),
             base_color=_rgb(np.ones(3) if factor is None else np.asarray(factor, np.float64) / 255),
             texture=self._texture(image),
             metallic=_share(getattr(material, "metallicFactor", None), 0.0),
@@ -115,7 +115,7 @@ class Reader:
         shine = material.glossiness
         known = isinstance(shine, float) and 0 <= shine < np.inf
         return Material(
-            name=str(material.name or ""),
+            name=_name(material),
             base_color=base,
             texture=self._texture(image),
             roughness=float((2 / (shine + 2)) ** 0.25) if known else 0.7,
@@ -143,6 +143,12 @@ def _decoded(image: Any) -> Float:
 def _rgb(base: NDArray[Any]) -> tuple[float, float, float]:
     red, green, blue = (float(value) for value in base[:3].clip(0, 1))
     return red, green, blue
+
+
+def _name(material: Any) -> str:
+    """Return a material's name, none where a file has something else in its place."""
+    name = getattr(material, "name", None)
+    return name if isinstance(name, str) else ""
 
 
 def _share(value: Any, default: float) -> float:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bake import materials
 from formats import interrupts
-from formats.errors import InputError, reason
+from formats.errors import BakelightError, InputError, reason
 from formats.files.glb_buffers import unpack
 from formats.files.reading import refusing
 from formats.mesh import Mesh
@@ -91,12 +91,14 @@ def load(path: Path) -> Mesh:
     try:
         scene = trimesh.load_scene(path, resolver=_resolver(path), process=False)
         placed = _placed(scene)
+        linear = path.suffix.lower() in (".glb", ".gltf")
+        reader = materials.Reader(linear=linear, strengths=_strengths(path) if linear else {})
+        parts = [_part(*item, path, reader) for item in placed]
+    except BakelightError:
+        raise
     except Exception as error:
         remedy = "this mesh cannot be read; export it again as GLB"
         raise InputError(path, "", reason(error)[:160], remedy) from error
-    linear = path.suffix.lower() in (".glb", ".gltf")
-    reader = materials.Reader(linear=linear, strengths=_strengths(path) if linear else {})
-    parts = [_part(*item, path, reader) for item in placed]
     parts = [part for part in parts if len(part.faces)]
     if not parts:
         raise InputError(path, "faces", 0, "the file holds no triangles; export a mesh with faces")

@@ -183,3 +183,10 @@ def test_a_glowing_picture_counts_by_its_mean(tmp_path):
     mean = srgb_decode(RGB / 255).mean(axis=(0, 1))
     np.testing.assert_allclose(mesh.materials[0].emissive, mean * [4, 4, 2], rtol=1e-6)
     assert any("screen glows evenly" in note for note in mesh.notes)
+
+
+def test_a_name_that_is_none_is_no_name(tmp_path):
+    path = glowing(tmp_path / "odd.glb")
+    path.write_bytes(path.read_bytes().replace(b'"lamp"', b"[1, 2]"))
+    mesh = sources.load(path)
+    assert {m.name for m in mesh.materials} == {"", "paper"}
