@@ -119,7 +119,7 @@ def around(
     K, shape = (params.l_max + 1) ** 2, (params.grid,) * 3
     terms, spread = np.zeros((inside.size, K), np.float32), np.zeros(inside.size, np.float32)
     terms[outside] = found.terms
-    spread[outside] = np.sqrt(found.pooled)
+    spread[outside] = np.sqrt(found.told)
     hole = inside.reshape(shape)
     volume = occlusion_inside.filled(terms.reshape(*shape, K), hole)
     proof = occlusion_proof.trace(scene, points, outside, params.proof, params.l_max)
@@ -207,11 +207,11 @@ class _Places:
 
 @dataclass(frozen=True)
 class _Found:
-    """terms : (v, K).  pooled : (v,) variance of a coefficient, mean over all.  bands :
+    """terms : (v, K).  told : (v,) variance of a coefficient, mean over all.  bands :
     (l_max + 1,) the same by bands, mean over voxels.  rays : that were cast."""
 
     terms: Float
-    pooled: Array
+    told: Array
     bands: Array
     rays: int
 
@@ -226,18 +226,19 @@ def _estimate(
     ):
         rounds.insert(0, rounds[0] // ROUND)
     count = len(places.voxels)
-    terms, pooled = np.zeros((count, (l_max + 1) ** 2), np.float32), np.zeros(count)
+    terms, told = np.zeros((count, (l_max + 1) ** 2), np.float32), np.zeros(count)
     bands, active, total = np.zeros((count, l_max + 1)), np.arange(count), 0
     for n, rays in enumerate(rounds):
         own = places.pick(active)
         asked = scene, own.points, own.cones, own.keys, rays
         watch = workers.silent if len(rounds) > 1 else progress
         found = occlusion_rays.project(*asked, l_max, watch)
-        scale, more = occlusion_bars.scales(*asked, found)
-        total += occlusion_rays.total_of(own.cones, rays) + more
-        variance = occlusion_bars.variances(found, scale)
-        each = occlusion_bars.pooled(occlusion_bars.over_bands(variance), own.voxels, params.grid)
-        terms[active], bands[active], pooled[active] = found.terms, variance, each
+        again = occlusion_bars.again(*asked, found)
+        total += occlusion_rays.total_of(own.cones, rays) + again.rays
+        terms[active] = found.terms
+        bands[active] = occlusion_bars.variances(found.apart, again.scale)
+        each = occlusion_bars.told(found.apart, again, own.voxels, params.grid)
+        told[active] = each
         if n + 1 == len(rounds):
             break
         error = np.sqrt(each * (l_max + 1) ** 2)
@@ -245,7 +246,7 @@ def _estimate(
         progress((n + 1) / len(rounds))
         if not len(active):
             break
-    return _Found(terms, pooled, bands.mean(axis=0), total)
+    return _Found(terms, told, bands.mean(axis=0), total)
 
 
 def _solid(mesh: Mesh) -> tuple[Array, NDArray[np.int64], int]:

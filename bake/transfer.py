@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bake import mesh as meshes
-from bake import subdivision, transfer_gather, transfer_mesh, transfer_rays, workers
+from bake import subdivision, transfer_bars, transfer_gather, transfer_mesh, transfer_rays, workers
 from bake.rays import RayScene
 from bake.tiles import kept
 from bake.transfer_rays import Pattern, Starts
@@ -39,7 +39,7 @@ from formats.errors import InputError
 from formats.mesh import Mesh
 from formats.occlusion import encode
 from formats.transfer import Layout, Transfer
-from maths import sampling, spherical_harmonics, spherical_projection
+from maths import intervals, sampling, spherical_harmonics, spherical_projection
 from maths.principal_components import principal_components
 
 Array = NDArray[np.float64]
@@ -88,7 +88,8 @@ class Params:
 
 @dataclass(frozen=True)
 class Found:
-    """Vectors (n, C, K) float32 in the order of a mesh's vertices, and how they came about."""
+    """Vectors (n, C, K) float32 in the order of a mesh's vertices, and how they came about. error :
+    standard error of a coefficient, RMS over all.  hidden : share of an even sky."""
 
     vectors: Float
     error: float = 0.0
@@ -117,6 +118,7 @@ def trace(mesh: Mesh, *, params: Params, progress: workers.Progress = workers.si
         "bounces": params.bounces if channels == 3 else 0,
         "rays": found.rays,
         "sampling_error": found.error,
+        "coverage_factor": intervals.coverage_factor(),
         "hidden_share": found.hidden,
         "faces_in": len(mesh.faces),
         **quality,
@@ -124,41 +126,59 @@ def trace(mesh: Mesh, *, params: Params, progress: workers.Progress = workers.si
     return Transfer(whole, codes, layout, told)
 
 
-def vectors(single: Mesh, whole: Mesh, params: Params, progress: workers.Progress) -> Found:
+def vectors(
+    single: Mesh, whole: Mesh, params: Params, progress: workers.Progress, *, seed: int = 0
+) -> Found:
     """Return the transfer vectors of `whole`: a mesh whose vertices have one normal each, and whose
-    first faces are those of `single`."""
+    first faces are those of `single`.
+
+    seed : of the rays' spins, for those who bake more than once.
+    """
     normals = transfer_mesh.normals_of(whole)
     clear = spherical_projection.clamped_cosine(normals, params.l_max).astype(np.float32)
     if params.mode == "unshadowed":
         return Found(clear[:, None])
     scene = RayScene(single.vertices, single.faces)
-    starts = _starts(scene, single, whole, normals)
     shape = transfer_rays.pattern(params.rays, params.l_max)
-    count = len(normals)
-    step = max(1, transfer_rays.TILE // params.rays)
-    tiles = [np.arange(a, min(a + step, count)) for a in range(0, count, step)]
+    count, which = len(normals), transfer_bars.chosen(len(normals))
     lit = params.mode == "interreflected"
-    tracer = _Tracer(scene, single, whole, starts, shape, params.l_max, bounces=lit)
-    done = kept(tracer.tile, tiles, progress, (_Tile,))
+    # Some are traced again, with other spins
+    tracers = [
+        _Tracer(
+            scene,
+            single,
+            whole,
+            _starts(scene, single, whole, normals, 2 * seed + number),
+            shape,
+            params.l_max,
+            bounces=lit,
+        )
+        for number in (0, 1)
+    ]
+    done = tracers[0].all(np.arange(count), progress)
+    again = tracers[1].all(which, workers.silent)
     lost = np.concatenate([tile.lost for tile in done])
-    first = clear - lost
-    error = float(np.sqrt(np.mean(np.square(np.concatenate([tile.error for tile in done])))))
     # A constant light of 1: what is hidden of pi
     hidden = float(np.mean(lost[:, 0], dtype=np.float64) * 2 / np.sqrt(np.pi))
+    first = np.concatenate([clear - lost, clear[which]])
+    first[count:] -= np.concatenate([tile.lost for tile in again])
     vectors = first[:, None]
     if lit:
-        seen = [transfer_gather.matrices(tile.seen, count) for tile in done]
+        seen = [transfer_gather.matrices(tile.seen, count) for tile in (*done, *again)]
         vectors = transfer_gather.bounced(first, seen, params.bounces)
-    return Found(vectors, error, hidden, count * params.rays)
+    apart, apart_again = (np.concatenate([tile.apart for tile in tiles]) for tiles in (done, again))
+    error = transfer_bars.error(vectors[which], vectors[count:], apart, apart_again, which)
+    return Found(vectors[:count], error, hidden, (count + len(which)) * params.rays)
 
 
 @dataclass(frozen=True)
 class _Tile:
-    """lost : (v, K).  error : (v,).  seen : arrays of three sparse matrices (v, n), one a channel,
-    that turn irradiance at vertices into what the tile's vertices receive after one bounce."""
+    """lost : (v, K).  apart : (v, l_max + 1), by how much halves of the rays differ.  seen : arrays
+    of three sparse matrices (v, n), one a channel, that turn irradiance at vertices into what the
+    tile's vertices receive after one bounce."""
 
     lost: Float
-    error: Float
+    apart: Float
     seen: tuple[NDArray[Any], ...]
 
 
@@ -171,6 +191,12 @@ class _Tracer:
     shape: Pattern
     l_max: int
     bounces: bool
+
+    def all(self, vertices: Indices, progress: workers.Progress) -> list[_Tile]:
+        """Trace the rays of vertices, some at a time."""
+        step = max(1, transfer_rays.TILE // len(self.shape.directions))
+        tiles = [vertices[a : a + step] for a in range(0, len(vertices), step)]
+        return kept(self.tile, tiles, progress, (_Tile,))
 
     def tile(self, vertices: Indices) -> _Tile:
         """Trace the rays of some vertices."""
@@ -186,8 +212,8 @@ class _Tracer:
                     self.scene, self.single, self.whole, hits, directions, len(vertices)
                 )
             )
-        lost, error = transfer_rays.hidden(self.starts, self.shape, vertices, blocked, self.l_max)
-        return _Tile(np.ascontiguousarray(lost.T), error, seen)
+        lost, apart = transfer_rays.hidden(self.starts, self.shape, vertices, blocked, self.l_max)
+        return _Tile(np.ascontiguousarray(lost.T), apart, seen)
 
 
 def pack(vectors: Float, params: Params, box: Array) -> tuple[NDArray[Any], Layout, dict[str, Any]]:
@@ -222,8 +248,8 @@ def irradiance_rms(vectors: Float, codes: NDArray[Any], layout: Layout) -> float
     return float(np.sqrt(np.mean(np.square(change, dtype=np.float64))))
 
 
-def _starts(scene: RayScene, single: Mesh, whole: Mesh, normals: Float) -> Starts:
+def _starts(scene: RayScene, single: Mesh, whole: Mesh, normals: Float, number: int) -> Starts:
     """Return where rays start; those of twins start behind."""
     if len(whole.faces) > len(single.faces):
         scene = RayScene(whole.vertices, whole.faces)
-    return transfer_rays.starts_of(scene, whole.faces, normals, len(normals), SALT)
+    return transfer_rays.starts_of(scene, whole.faces, normals, len(normals), SALT, number)

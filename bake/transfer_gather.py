@@ -67,7 +67,11 @@ def matrices(seen: tuple[NDArray[Any], ...], count: int) -> tuple[Any, ...]:
 
 
 def bounced(first: Float, seen: list[tuple[Any, ...]], bounces: int) -> Float:
-    """Return vectors (n, 3, K): direct light and that of some bounces."""
+    """Return vectors (m, 3, K) of direct light and that of some bounces.
+
+    first : (m, K) direct light; seen : matrices of m rows together, whose n columns are the first n
+    of these: what comes beyond them, if anything, sees the others and is not seen.
+    """
     from scipy.sparse import vstack
 
     total = np.repeat(first[:, None], 3, axis=1)
@@ -75,7 +79,7 @@ def bounced(first: Float, seen: list[tuple[Any, ...]], bounces: int) -> Float:
         matrix = vstack([tile[channel] for tile in seen], format="csr")
         last = first
         for _ in range(bounces):
-            last = np.asarray(matrix @ last, np.float32)
+            last = np.asarray(matrix @ last[: matrix.shape[1]], np.float32)
             total[:, channel] += last
     # Where all colours are alike, one is enough
     alike = np.array_equal(total[:, 0], total[:, 1]) and np.array_equal(total[:, 0], total[:, 2])

@@ -37,7 +37,7 @@ class Starts:
 
     points : (3 m, 3) float32, unit space, one a corner.  corners, first, count : the corners of
     vertex v are corners[first[v] :][: count[v]].  around : (n, 3) Euler angles that turn +z to a
-    vertex's normal, with a spin of its own.
+    vertex's normal, with a spin of its own.  turn : (n,) which of its corners comes first, 0 to 1.
     """
 
     points: Float
@@ -45,10 +45,16 @@ class Starts:
     first: Indices
     count: Indices
     around: Array
+    turn: Array
 
 
-def starts_of(scene: RayScene, faces: Indices, normals: Float, vertices: int, salt: int) -> Starts:
-    """Return where the rays of vertices start; faces : (m, 3), normals : (n, 3) unit."""
+def starts_of(
+    scene: RayScene, faces: Indices, normals: Float, vertices: int, salt: int, number: int = 0
+) -> Starts:
+    """Return where the rays of vertices start; faces : (m, 3), normals : (n, 3) unit.
+
+    number : each has spins of its own.
+    """
     weights = np.full((3, 3), INWARD) + (1 - 3 * INWARD) * np.eye(3)
     corners = scene.corners.astype(np.float64)
     points = np.einsum("kc,mci->mki", weights, corners)
@@ -62,7 +68,8 @@ def starts_of(scene: RayScene, faces: Indices, normals: Float, vertices: int, sa
     flat = points.reshape(-1, 3).astype(np.float32)
     count = np.bincount(faces.ravel(), minlength=vertices)
     x, y, z = normals.astype(np.float64).T
-    spin = 2 * np.pi * uniform01(np.arange(vertices), salt)
+    keys = np.arange(vertices) + number * vertices
+    spin = 2 * np.pi * uniform01(keys, salt)
     around = np.stack([np.arctan2(y, x), np.arctan2(np.hypot(x, y), z), spin], axis=1)
     return Starts(
         points=offset_origins(flat, geometric.reshape(-1, 3)),
@@ -70,6 +77,7 @@ def starts_of(scene: RayScene, faces: Indices, normals: Float, vertices: int, sa
         first=np.cumsum(count) - count,
         count=count,
         around=around,
+        turn=uniform01(keys, 1),
     )
 
 
@@ -100,7 +108,7 @@ def pattern(rays: int, l_max: int) -> Pattern:
 def rays_of(starts: Starts, shape: Pattern, vertices: Indices) -> tuple[Float, Float]:
     """Return origins and directions (N v, 3) of some vertices, ray by ray."""
     n = len(shape.directions)
-    turn = uniform01(vertices, 1)[None] + PHI * np.arange(n)[:, None]
+    turn = starts.turn[vertices][None] + PHI * np.arange(n)[:, None]
     count = starts.count[vertices]
     which = np.minimum((np.mod(turn, 1.0) * count).astype(np.int64), count - 1)
     corner = starts.corners[starts.first[vertices] + which]
@@ -112,14 +120,17 @@ def rays_of(starts: Starts, shape: Pattern, vertices: Indices) -> tuple[Float, F
 def hidden(
     starts: Starts, shape: Pattern, vertices: Indices, hits: NDArray[np.bool_], l_max: int
 ) -> tuple[Float, Float]:
-    """Return (K, v) of what hits (N v,) hide of the clamped cosine, and its standard error."""
+    """Return (K, v) of what hits (N v,) hide of the clamped cosine, and (v, l_max + 1) the mean
+    square of each band's coefficients by which half of the rays differs from the other."""
     n, v = len(shape.directions), len(vertices)
     seen, half = hits.reshape(n, v).astype(np.float64), (n + 1) // 2
     one = shape.basis[:, :half] @ seen[:half]
     two = shape.basis[:, half:] @ seen[half:]
     around = starts.around[vertices]
     whole = occlusion_rays.turned(one + two, around, l_max).astype(np.float32)
-    return whole, np.sqrt(np.mean(np.square(one - two), axis=0)).astype(np.float32)
+    # A turn keeps the sum of squares of each band
+    apart = occlusion_rays.by_bands(np.square(one - two))
+    return whole, np.ascontiguousarray(apart.T, np.float32)
 
 
 def fronts(hits: Hits, normals: Float, directions: Float) -> NDArray[np.bool_]:

@@ -21,9 +21,9 @@ cannot leave it. A file has at most 4 MB, a list at most 100,000 items.
 
 What is written as *keyed* may be a plain value or move over time:
 `{ times = [0, 5], values = [1.3, 7.2], interpolation = "smooth", loop = false }`. Times increase
-by a microsecond or more, there is one value for each; `interpolation` is `"linear"` (when absent), `"step"` or
-`"smooth"` (starts and ends at rest and never overshoots). Before the first and after the last key
-the value holds, unless `loop` repeats it.
+by a microsecond or more, there is one value for each; `interpolation` is `"linear"` (when absent),
+`"step"` or `"smooth"` (starts and ends at rest and never overshoots). Before the first and after
+the last key the value holds, unless `loop` repeats it.
 
 An unknown key, a value out of range, a number that is not finite and a missing file are errors that
 name the file, the field, the value and the remedy. A field without a default must be written.

@@ -175,7 +175,9 @@ def worth(points: Sequence[Row], column: str) -> str:
         times, share = float(np.median(least)), float(np.median(shares))
         if times < 1.005:
             return "The default has the least error here"
-        return f"The default has {times:.2f} times the least error for {share:.2g} of its {name}"
+        of = f"{share:.2g} of its" if share < 0.95 else f"{share:.2g} times its"
+        of = "the same" if 0.95 <= share < 1.05 else of
+        return f"The default has {times:.2f} times the least error for {of} {name}"
     places = [(float(r[column]), float(r["error"])) for r in points if column in r and "error" in r]
     return f"{len(front(places))} of {len(places)} are worth their {name}"
 
@@ -184,6 +186,10 @@ def trend(points: Sequence[Row], column: str, label: str) -> str:
     """Say what becomes of the error from the least to the largest value of a column: the middle
     one of all series of all subjects."""
     shares, ends = [], []
+    own = [row for row in points if column in row and "error" in row]
+    if own and not any(float(row["error"]) for row in own):
+        least, most = (f(float(row[column]) for row in own) for f in (min, max))
+        return f"No error from {_plain(least)} to {_plain(most)}: {label.split(',')[0]}"
     for group in dict.fromkeys((r["subject"], r["series"]) for r in points):
         own = [r for r in points if (r["subject"], r["series"]) == group and column in r]
         own = sorted((r for r in own if "error" in r), key=lambda r: float(r[column]))
@@ -196,7 +202,17 @@ def trend(points: Sequence[Row], column: str, label: str) -> str:
     how = f"falls {share:.2g} times" if share >= 1 else f"grows {1 / share:.2g} times"
     if abs(share - 1) < 0.05:
         how = "stays"
-    return f"From {min(ends):,.4g} to {max(ends):,.4g} {label.split(',')[0]} the error {how}"
+    first, last = _plain(min(ends)), _plain(max(ends))
+    return f"From {first} to {last} {label.split(',')[0]} the error {how}"
+
+
+def _plain(value: float) -> str:
+    """Write a number of a sentence.
+
+    >>> _plain(74680.0), _plain(1024), _plain(1.5), _plain(1e-06)
+    ('74,680', '1,024', '1.5', '1e-06')
+    """
+    return f"{value:,.0f}" if 1000 <= abs(value) < 1e9 else f"{value:.4g}"
 
 
 def lines_of(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bake import reference_camera, reference_scene
-from bake.reference_world import World
+from bake.reference_world import Shaded, World
 from formats.lights import Disc
 from formats.scene import Scene
 from maths.hashing import uniform01
@@ -31,6 +31,15 @@ def radiance(
 
     size : width, height. samples : rays from a pixel to each lamp.
     """
+    world, surface, seen = surfaces(scene, time, size)
+    light = irradiance(world, surface.front, surface.normal, time, lamps, samples)
+    return pictured(surface, light, seen), seen
+
+
+def surfaces(
+    scene: Scene, time: float, size: tuple[int, int]
+) -> tuple[World, Shaded, NDArray[np.bool_]]:
+    """Return the traced scene, what the middles of pixels show of it (n), and which do (h, w)."""
     width, height = size
     camera = reference_camera.at(scene, time, size, lens=False)
     parts, _ = reference_scene.parts_of(scene, time, camera.yaw, camera.position)
@@ -42,17 +51,19 @@ def radiance(
         np.zeros(1, np.uint32),
     )
     ends = world.cast(rays.origin, rays.direction)
-    seen = np.flatnonzero(ends.ground | (ends.face >= 0))
+    mask = ends.ground | (ends.face >= 0)
+    seen = np.flatnonzero(mask)
     found = type(ends)(
         ends.distance[seen], ends.point[seen], ends.hits.pick(seen), ends.ground[seen]
     )
-    surface = world.shade(found, rays.direction[seen])
-    light = irradiance(world, surface.front, surface.normal, time, lamps, samples)
-    picture = np.zeros((width * height, 3))
+    return world, world.shade(found, rays.direction[seen]), mask.reshape(height, width)
+
+
+def pictured(surface: Shaded, light: Array, seen: NDArray[np.bool_]) -> Array:
+    """Return radiance (h, w, 3) of what pixels show (n) under an irradiance (n, 3), 0 elsewhere."""
+    picture = np.zeros((*seen.shape, 3))
     picture[seen] = surface.albedo / np.pi * light
-    mask = np.zeros(width * height, bool)
-    mask[seen] = True
-    return picture.reshape(height, width, 3), mask.reshape(height, width)
+    return picture
 
 
 def irradiance(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from itertools import zip_longest
@@ -34,7 +35,7 @@ def part(answer: Answer, asked: str, told: Mapping[str, Any]) -> str:
     name, rows = answer.question, answer.table or answer.rows
     titles = [plots.title_of(answer, what) for what in plots.plotted(answer)]
     drawn = "".join(
-        f'<figure class="plot"><figcaption>{escape(title)}</figcaption>{svg}</figure>'
+        f'<figure class="plot"><figcaption>{marked(title)}</figcaption>{svg}</figure>'
         for title, svg in zip_longest(titles, plots.inline(answer), fillvalue="")
     )
     images, shots = gallery(answer)
@@ -46,7 +47,7 @@ def part(answer: Answer, asked: str, told: Mapping[str, Any]) -> str:
     held = json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
     return f"""<section id="{name}" data-state="{escape(str(told.get("date", "")))}">
 <p class="asked">{escape(asked)}</p>
-<h2>{escape(answer.title)}</h2>
+<h2>{marked(answer.title)}</h2>
 <p class="truth">Measured against: {escape(answer.truth)}.</p>
 <div class="chosen"><div class="plots">{drawn}</div>{viewer(shots)}</div>
 {"".join(whole(name, picture) for name, picture in answer.pictures.items())}
@@ -55,6 +56,16 @@ def part(answer: Answer, asked: str, told: Mapping[str, Any]) -> str:
 <script type="application/json">{held}</script>
 </section>
 """
+
+
+def marked(text: str) -> str:
+    """Return a sentence as HTML: what stands in backticks as code, powers raised.
+
+    >>> marked("`talk` errs as rays^-0.75 < 16^3")
+    '<code>talk</code> errs as rays<sup>-0.75</sup> &lt; 16<sup>3</sup>'
+    """
+    found = re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+    return re.sub(r"\^(-?\w+(?:\.\d+)?)", r"<sup>\1</sup>", found)
 
 
 def key(row: Row) -> tuple[str, str]:
@@ -196,7 +207,7 @@ def write(path: Path, parts: Sequence[tuple[str, str, str]], machine: str) -> No
     """Write the page. parts : (name of the study, its answer, its part of the page)."""
     contents = "".join(
         f'<li><a href="#{name}"><span>{escape(name.replace("_", " "))}</span>'
-        f" {escape(title)}</a></li>"
+        f" <b>{marked(title)}</b></a></li>"
         for name, title, _ in parts
     )
     text = TEMPLATE.read_text(encoding="utf-8")

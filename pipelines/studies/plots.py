@@ -20,7 +20,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "p")
 POINT = "point-"
 WIDE, HIGH = 3.7, 2.7  # inches, of axes
-SIDES = 0.75, 0.7  # inches beside them
+NARROW = 2.9  # inches, of axes on a page: shown as wide as a phone, their text is still read
+SIDES = 0.9, 0.7  # inches beside them
 TURNED = 0.55  # inches more below them, for names that are turned
 LEAST_RANGE = 2.0  # of a price, largest over smallest
 MOST_NAMED = 24  # entries of a legend
@@ -76,10 +77,11 @@ def inline(answer: Answer) -> Iterator[str]:
         axes = figure.add_axes((0, 0, 1, 1))
         _draw(axes, answer, what, titled=False)
         below, above = _room(axes)
-        size = WIDE + SIDES[0] + SIDES[1], HIGH + below + above
+        size = NARROW + SIDES[0] + SIDES[1], HIGH + below + above
         figure.set_size_inches(size)
         for one in figure.axes:
-            one.set_position((SIDES[0] / size[0], below / size[1], WIDE / size[0], HIGH / size[1]))
+            sides = SIDES[0] / size[0], below / size[1]
+            one.set_position((*sides, NARROW / size[0], HIGH / size[1]))
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None})
         pyplot.close(figure)
@@ -98,7 +100,7 @@ def _room(axes: Any) -> tuple[float, float]:
     rows = -(-len(legend.get_texts()) // legend._ncols) if legend else 0
     title = axes.get_title(loc="left")
     above = 0.12 if not title else 0.2 + 0.145 * (title.count("\n") + 1)
-    return 0.6 + 0.14 * rows + (TURNED if _turned(axes) else 0.0), above
+    return 0.6 + 0.16 * rows + (TURNED if _turned(axes) else 0.0), above
 
 
 def _turned(axes: Any) -> bool:
@@ -303,7 +305,7 @@ def _legend(axes: Any) -> None:
     below = -(0.45 + (TURNED if _turned(axes) else 0.0)) / HIGH
     axes.legend(
         handles, labels, loc="upper center", bbox_to_anchor=(0.5, below), ncols=1 if wide else 2,
-        fontsize=7, frameon=False,
+        fontsize=8, frameon=False, columnspacing=1.2, handlelength=1.6,
     )  # fmt: skip
 
 

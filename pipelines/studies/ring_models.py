@@ -49,6 +49,7 @@ def measure(setting: Setting) -> Answer:
         rows=rows,
         unit="RMS error at lights of that elevation, share of the brightest value",
         axes={"elevation": "elevation of the light above the ring's plane, degrees"},
+        titles={"elevation": f"A ring errs least by suns that stand on it, at {RING:.0f} degrees"},
         decibels=True,
         shots=shots,
         table=table,

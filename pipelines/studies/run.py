@@ -18,7 +18,7 @@ from typing import Any
 from bake import machine
 from formats.errors import BakelightError, InputError
 from pipelines.studies import answer as answers
-from pipelines.studies import kept, page, record, stages
+from pipelines.studies import kept, page, parts, record, stages, subjects
 from pipelines.studies.subjects import Setting
 
 # One module a question: its first line is the question, `measure(setting)` the answer, and TAKES
@@ -32,6 +32,7 @@ QUESTIONS = (
     "dome",
     "normal_map",
     "sprite_lights",
+    "mesh_lights",
     "lens_by_mips",
     "sampling_pattern",
     "occlusion_rays",
@@ -100,8 +101,11 @@ def run(
             raise InputError(
                 "study", "question", name, f"choose from {', '.join(QUESTIONS)}, or list"
             )
-    if source is not None and not source.is_file():
-        raise InputError(source, "", "no such file", "check the path")
+    if source is not None:
+        if not source.is_file():
+            why = "not a file" if source.exists() else "no such file"
+            raise InputError(source, "", why, "check the path")
+        subjects.check(source, kind_of(source))
     setting = Setting(quick=quick, source=source)
     with stages.into(store or STORE, out / "bakes.json"):
         done, failed = all_of(questions or QUESTIONS, out, setting, again=again, console=console)
@@ -171,7 +175,7 @@ def forecast(out: Path, names: Sequence[str], quick: bool) -> str:
 
     Those without an earlier run count as the mean of all others.
     """
-    every = {name: kept.seconds(out, name, quick) for name in QUESTIONS}
+    every = {name: kept.seconds(out, name, quick) for name in (*QUESTIONS, *names)}
     known = {name: spent for name, spent in every.items() if spent is not None}
     if not known:
         return ", no earlier run to tell the time left"
@@ -195,11 +199,16 @@ def refusal(name: str, setting: Setting) -> str:
     """Say why a study cannot be run on the source; nothing where it can."""
     if setting.source is None:
         return ""
-    kind = KINDS.get(setting.source.suffix.lower(), "mesh")
+    kind = kind_of(setting.source)
     if kind in takes(name):
         return ""
     own = f"takes {' or '.join(takes(name))}" if takes(name) else "takes no source"
     return f"skipped, {own}, and {setting.source.name} is {kind}"
+
+
+def kind_of(source: Path) -> str:
+    """Return what a source is."""
+    return KINDS.get(source.suffix.lower(), "mesh")
 
 
 def run_one(
@@ -207,9 +216,10 @@ def run_one(
 ) -> tuple[answers.Answer, list[Path]]:
     """Measure one question and write it down; return the answer and the files."""
     started = perf_counter()
-    found: answers.Answer = import_module(f"pipelines.studies.{name}").measure(setting)
-    write = partial(record.write, asked=asked(name), key=key)
-    files = write(found, out, setting, perf_counter() - started)
+    with parts.into(out / "parts" / name, key):
+        found: answers.Answer = import_module(f"pipelines.studies.{name}").measure(setting)
+        write = partial(record.write, asked=asked(name), key=key)
+        files = write(found, out, setting, perf_counter() - started)
     if setting.source is None:
         kept.note(out, name, setting.quick, perf_counter() - started)
     return found, files

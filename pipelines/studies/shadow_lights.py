@@ -33,7 +33,7 @@ from pipelines.bake_scene import bake_scene
 from pipelines.studies import lamp_truth, stages
 from pipelines.studies.answer import PRICES, Answer, Panel, Row, Shot, lines_of, point
 from pipelines.studies.interval import Interval, blocks, fastest, ratio
-from pipelines.studies.subjects import MESHES, Setting
+from pipelines.studies.subjects import MESHES, Setting, placed
 from runtime.player import Player
 from runtime.shader import ShaderError
 
@@ -51,6 +51,7 @@ MOMENT = 2.0  # seconds, at which pictures are compared
 SAMPLES = 64  # rays of a pixel to all lamps together, at least one each
 STEEP = 3.0  # times as bright a neighbour: an outline
 KEY = 0.3  # how bright pictures are on the mean, linear
+SIZE = 0.7  # metres, of the user's own mesh along its longest side
 FLUX = 60.0  # radiance x area of all lights together, W/sr
 
 
@@ -255,10 +256,8 @@ def once(player: Player, time: float) -> dict[str, float]:
 def baked_in(folder: Path, way: str, setting: Setting) -> Path:
     """Bake the scene and return its folder; what stands in it is baked once."""
     meshes = folder / "assets/meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
-    caster = setting.source or MESHES / "bust.glb"
-    for source in (caster, MESHES / "gallery_wall.glb"):
-        shutil.copy(source, meshes / source.name)
+    caster = placed(setting, "bust.glb", meshes, SIZE)
+    shutil.copy(MESHES / "gallery_wall.glb", meshes)
     path = folder / f"assets/scenes/{way}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(described(way, caster.name)), encoding="utf-8")

@@ -46,17 +46,20 @@ class Receivers:
 
 
 def receivers(scene: Scene, time: float, size: tuple[int, int] = PIXELS) -> Receivers:
-    """Return where the middles of the picture's pixels meet meshes without shadow, and the ground.
-
-    Only what at least one lamp could light: its normal faces one.
-    """
+    """Return where the middles of the picture's pixels meet what takes shadows and casts none:
+    meshes without shadow, cubes, and the ground."""
     camera = reference_camera.at(scene, time, size, lens=False)
     found, _ = parts.parts_of(scene, time, camera.yaw, camera.position)
     world = World(parts.merged(found), scene.ground)
     rays = camera.rays(np.arange(size[0] * size[1]), np.zeros(1, np.int64), 1, 0)
     ends = world.cast(rays.origin, rays.direction)
-    # Instances stand in the order of the scene's meshes
-    plain = np.array([mesh.shadow is None for mesh in scene.meshes], bool)
+    # Instances stand in this order: meshes, sprites, the world of cubes, its lamps
+    groups = [each for each in scene.billboards if not (each.pictured or each.photographed)]
+    sprites = sum(len(each.instances()) for each in groups)
+    count = sum(len(part.tint) for part in found) - len(scene.meshes) - sprites
+    flags = [mesh.shadow is None for mesh in scene.meshes] + [False] * sprites
+    # The last one is for a scene in which nothing is met
+    plain = np.array(flags + [n == 0 for n in range(count)] + [False], bool)
     here = ends.ground | ((ends.face >= 0) & plain[world.instance[np.maximum(ends.face, 0)]])
     picked = np.flatnonzero(here)
     whole = ends.hits.pick(picked)

@@ -10,7 +10,6 @@ there are: what a frame takes more is the projection of the suns.
 from __future__ import annotations
 
 import json
-import shutil
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -31,7 +30,7 @@ from pipelines.studies import interval, sprite_errors, sprite_methods, stages
 from pipelines.studies.answer import Answer, Panel, Row, Shot, lines_of, point
 from pipelines.studies.shadow_lights import LitPlayer
 from pipelines.studies.sprite_methods import Relit
-from pipelines.studies.subjects import MESHES, Setting
+from pipelines.studies.subjects import Setting, placed
 
 Array = NDArray[np.float64]
 
@@ -222,10 +221,7 @@ def described(way: str, source: str) -> dict[str, Any]:
 
 def baked_in(folder: Path, way: str, setting: Setting) -> Path:
     """Bake the scene and return its folder."""
-    source = setting.source or MESHES / "lantern.glb"
-    meshes = folder / "assets/meshes"
-    meshes.mkdir(parents=True, exist_ok=True)
-    shutil.copy(source, meshes / source.name)
+    source = placed(setting, "lantern.glb", folder / "assets/meshes", 1.0)
     path = folder / f"assets/scenes/{way}.json"
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(described(way, source.name)), encoding="utf-8")

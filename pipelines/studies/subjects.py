@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import shutil
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bake import billboard
+from formats import mesh as meshfile
+from formats import scene as scenes
 from formats.coefficients import Coefficients
+from formats.files import light_positions, vox
 from formats.mesh import Mesh
 from maths import circular_harmonics
 from pipelines.studies import meshes, stages
@@ -45,10 +49,40 @@ class Setting:
         return {name: named(name) for name in (names[:1] if self.quick else names)}
 
 
+def check(source: Path, kind: str) -> None:
+    """Read a source of a kind once, so that what cannot be used is said once, and of the file
+    itself. InputError names what is wrong with it and the remedy."""
+    if kind == "mesh":
+        meshes.loaded(source)
+    elif kind == "scene":
+        scenes.load(source)
+    elif kind == "voxels":
+        vox.read(source)
+    else:
+        light_positions.read(source)
+
+
 def named(name: str) -> Mesh:
     """Return the subject of that name."""
     own = meshes.own() if name == "knot" else meshes.source(MESHES / f"{name}.glb")
     return stages.remembered(own)
+
+
+def placed(setting: Setting, own: str, folder: Path, size: float) -> Path:
+    """Put the mesh of a scene into a folder and return its file: our own as it is; the user's as
+    GLB, on the ground in the middle, `size` metres along its longest side."""
+    folder.mkdir(parents=True, exist_ok=True)
+    if setting.source is None:
+        shutil.copy(MESHES / own, folder / own)
+        return folder / own
+    mesh = meshes.loaded(setting.source)
+    used = mesh.vertices[np.unique(mesh.faces)]
+    low, high = used.min(axis=0), used.max(axis=0)
+    foot = (low + high) / 2 * [1, 0, 1] + low * [0, 1, 0]
+    longest = float((high - low).max()) or 1.0
+    replace(mesh, vertices=(mesh.vertices - foot) / longest * size).save(folder)
+    # Any name is one that a scene may write
+    return (folder / meshfile.NAME).rename(folder / "source.glb")
 
 
 def relit(master: Coefficients, azimuth: float) -> NDArray[np.float32]:

@@ -196,7 +196,7 @@ def measure(setting: Setting) -> Answer:
     counted = ("rays", "leaks", "starts", "self_hits")
     total = {name: sum(int(row[name]) for row in rows) for name in counted}
     lines = {
-        f"{what}, {offset:g} sizes away": [
+        f"{what.replace('_', '-')}, {offset:g} sizes away": [
             (float(r["scale"]), float(r[what])) for r in rows if r["offset_in_sizes"] == offset
         ]
         for what in ("leaks", "self_hits")
@@ -210,10 +210,11 @@ def measure(setting: Setting) -> Answer:
         rows=rows,
         unit="share of rays that leave a closed mesh",
         axes={"scale": "size of the mesh, metres"},
+        titles={"scale": f"{total['leaks']} of {total['rays']:,} rays leave, whatever the size"},
         shots=shots,
         panels=(
             Panel(
-                "scale",
+                "size of the mesh, metres",
                 "rays",
                 lines,
                 None,

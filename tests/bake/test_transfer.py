@@ -197,7 +197,8 @@ def test_more_rays_err_less_and_the_report_says_so() -> None:
         told.append(one.error)
     # Spirals err like rays^-0.75: 0.21; independent rays would like 0.35
     assert errors[1] < 0.3 * errors[0]
-    assert all(0.8 * e < t < 4 * e for e, t in zip(errors, told, strict=True))
+    # Single runs; tests of the bars take twenty
+    assert all(0.8 * e < t < 1.25 * e for e, t in zip(errors, told, strict=True))
 
 
 def test_size_and_place_change_nothing() -> None:

@@ -221,6 +221,7 @@ OWN = {
     "shadow_truth",
     "shadow_lights",
     "sprite_lights",
+    "mesh_lights",
 }
 
 
@@ -283,3 +284,15 @@ def test_peak_memory_is_that_of_this_process() -> None:
     held = np.ones(40_000_000, np.uint8)
     # The peak may have been higher before, so it need not grow; it cannot be below what is held
     assert bench.peak_bytes() >= max(before, held.nbytes)
+
+
+def test_a_mesh_of_the_user_stands_on_the_ground_in_any_scene(tmp_path: Path) -> None:
+    source = tmp_path / "my mesh (1).off"
+    source.write_text("OFF\n5 1 0\n990 50 7\n1010 50 7\n990 90 7\n9999 0 0\n0 0 0\n3 0 1 2\n")
+    found = subjects.placed(subjects.Setting(source=source), "bust.glb", tmp_path / "a", 0.5)
+    mesh = meshes.source(found).load()
+    used = mesh.vertices[np.unique(mesh.faces)]
+    np.testing.assert_allclose(used.min(axis=0), [-0.125, 0, 0], atol=1e-6)
+    np.testing.assert_allclose(used.max(axis=0), [0.125, 0.5, 0], atol=1e-6)
+    own = subjects.placed(subjects.Setting(), "bust.glb", tmp_path / "a", 0.5)
+    assert own.read_bytes() == (subjects.MESHES / "bust.glb").read_bytes()

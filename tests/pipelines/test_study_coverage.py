@@ -9,7 +9,7 @@ import pytest
 from bake import voxel_faces
 from bake.rays import RayScene
 from maths.spherical_lights import project_polygon
-from pipelines.studies import coverage, cube_gathers, record
+from pipelines.studies import coverage, cube_gathers, parts, record
 from pipelines.studies.subjects import Setting
 
 
@@ -41,7 +41,31 @@ def test_an_answer_tells_the_worst_and_is_written_down(
     found = coverage.measure(setting)
     assert found.title.startswith("50.0% to 100.0% of 40")
     assert [row["error"] for row in found.rows] == [0.0, 0.5]
+    assert found.titles["world"] == "0 of 2 worlds miss 3% to 7%"
+    assert found.columns() == ["world"]
     assert record.write(found, tmp_path, setting, 1.0)
+
+
+def test_an_interrupted_count_goes_on(tmp_path: Path) -> None:
+    done: list[int] = []
+
+    def once(run: int) -> tuple[np.ndarray, np.ndarray]:
+        if run == 120 and len(done) == 119:
+            raise KeyboardInterrupt
+        done.append(run)
+        return np.random.default_rng(run).normal(size=5), np.full(5, 1.96)
+
+    def count() -> coverage.Count:
+        with parts.into(tmp_path / "parts", "key"):
+            return coverage.counted(once, 130, name="lightmap, room")
+
+    with pytest.raises(KeyboardInterrupt):
+        count()
+    found = count()
+    # The third part of 50 runs had begun
+    assert done[119:] == list(range(101, 131))
+    assert not (tmp_path / "parts").exists()
+    assert replace(found, seconds=0.0) == replace(coverage.counted(once, 130), seconds=0.0)
 
 
 def test_rooms_are_furnaces_where_all_glows() -> None:

@@ -99,6 +99,32 @@ def test_every_question_says_what_it_takes_and_asks() -> None:
 # plots
 
 
+def priced(default: float, other: float) -> list[answer.Row]:
+    """Two points: the default, at its price, with twice the error of the other."""
+    return [
+        point("a", "own", Interval(2.0, 2.0, 2.0), bake_seconds=default, default=True),
+        point("a", "other", Interval(1.0, 1.0, 1.0), bake_seconds=other),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("default", "told"),
+    [
+        (5.0, "0.5 of its seconds to bake"),
+        (10.2, "the same seconds to bake"),
+        (50.0, "5 times its seconds to bake"),
+    ],
+)
+def test_a_price_is_told_as_a_share_or_as_times(default: float, told: str) -> None:
+    found = answer.worth(priced(default, 10.0), "bake_seconds")
+    assert found == f"The default has 2.00 times the least error for {told}"
+
+
+def test_no_error_at_all_is_told_as_that() -> None:
+    rows = [point("a", str(n), Interval(0.0, 0.0, 0.1), scale=n) for n in (1, 10)]
+    assert answer.trend(rows, "scale", "metres, long") == "No error from 1 to 10: metres"
+
+
 def test_plots_show_points_bars_front_default_and_slope() -> None:
     drawn = list(plots.inline(example()))
     assert len(drawn) == 2

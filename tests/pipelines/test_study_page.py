@@ -123,6 +123,12 @@ def test_gain_makes_small_differences_visible() -> None:
     assert page.gain_of([Shot(GREY)]) == 1
 
 
+def test_code_and_powers_are_set_and_nothing_else_is() -> None:
+    assert page.marked("a < b & `c <d>`") == "a &lt; b &amp; <code>c &lt;d&gt;</code>"
+    assert page.marked("g^h, 2^-7.5.") == "g<sup>h</sup>, 2<sup>-7.5</sup>."
+    assert page.marked("a ` and ^ alone") == "a ` and ^ alone"
+
+
 def test_large_pictures_are_shrunk() -> None:
     assert page.small(np.zeros((400, 100, 3), np.uint8)).shape == (192, 48, 3)
     assert page.small(GREY) is GREY

@@ -51,6 +51,7 @@ def test_slopes_are_those_of_theory(folder: Path) -> None:
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda p: p.name)
 def test_lights_go_from_one_to_ten_thousand(folder: Path) -> None:
     counted = {"sprite_lights": "lights", "shadow_lights": "count", "gather_lights": "glowing"}
+    counted["mesh_lights"] = "lamps"
     for question, column in counted.items():
         points = [r for r in read(folder, question)["rows"] if "setting" in r]
         assert {1, 10_000} <= {row[column] for row in points}, question

@@ -8,7 +8,7 @@ from types import ModuleType
 import pytest
 
 from formats.errors import InputError, MachineError
-from pipelines.studies import kept, plots, run
+from pipelines.studies import kept, plots, run, subjects
 from pipelines.studies.answer import Answer
 from pipelines.studies.subjects import Setting
 from tests.pipelines.test_study_form import example
@@ -41,6 +41,8 @@ def fakes(monkeypatch: pytest.MonkeyPatch) -> Fakes:
     for name, takes in zip(NAMES, (("mesh",), ("voxels",), ("mesh", "scene")), strict=True):
         monkeypatch.setitem(sys.modules, f"pipelines.studies.{name}", found.module(name, takes))
     monkeypatch.setattr(run, "QUESTIONS", NAMES)
+    # Sources are bytes of any kind
+    monkeypatch.setattr(subjects, "check", lambda source, kind: None)
     # Plots have tests of their own, and take a second each
     monkeypatch.setattr(plots, "draw", lambda answer, stem: [])
     monkeypatch.setattr(plots, "inline", lambda answer: iter(()))
@@ -138,3 +140,19 @@ def test_a_broken_json_is_no_answer(fakes: Fakes, tmp_path: Path) -> None:
 def test_a_source_must_be_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such file"):
         run.run((), tmp_path, quick=True, source=tmp_path / "none.vox")
+    with pytest.raises(InputError, match="not a file"):
+        run.run((), tmp_path, quick=True, source=tmp_path)
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.obj", "a.VOX", "a.toml", "a.json", "a.lp", "a"])
+@pytest.mark.parametrize("content", [b"", b"any"], ids=["empty", "damaged"])
+def test_a_source_that_nothing_can_read_is_refused_once(
+    tmp_path: Path, name: str, content: bytes, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / name
+    source.write_bytes(content)
+    with pytest.raises(InputError) as refusal:
+        run.run((), tmp_path / "out", quick=True, source=source)
+    assert refusal.value.file == str(source)
+    assert capsys.readouterr().out == ""
+    assert not (tmp_path / "out").exists()

@@ -10,6 +10,7 @@ from formats import scene as scenes
 from formats.meshes import Shadow
 from formats.occlusion import Box
 from pipelines.studies import shadow_steps, shadow_truth
+from pipelines.studies.subjects import Setting
 
 
 def test_volumes_are_changed_and_nothing_else() -> None:
@@ -72,3 +73,56 @@ def test_more_bands_come_nearer_to_the_truth() -> None:
         error.append(float(np.sqrt(np.mean((shares["ends"] - shares["truth"]) ** 2))))
     # On more points .117 was measured at l_max = 2, .058 at 6
     assert error[1] < 0.7 * error[0]
+
+
+def small_scene(**more: Any) -> scenes.Scene:
+    """A plinth that casts a shadow on the ground, and what else is given."""
+    data = {
+        "format": 1,
+        "time": {"duration": 1.0},
+        "camera": {"position": [0, 3, 3.0], "target": [0, 0, 0]},
+        "lights": [{"type": "sun", "to_light": [0, 1, 0], "irradiance": [1, 1, 1]}],
+        "ground": {},
+        "meshes": [
+            {"name": "plinth", "source": "meshes/plinth.glb", "shadow": {"grid": 4, "rays": 32}}
+        ],
+    }
+    root = shadow_truth.SCENE.parents[1]
+    return scenes.from_dict({**data, **more}, where="small.json", root=root)
+
+
+def test_receivers_are_ground_and_cubes_but_no_casters_sprites_and_lamps() -> None:
+    plain = shadow_steps.receivers(small_scene(), 0.0, (24, 14))
+    assert len(plain.point) > 200
+    assert np.abs(plain.point[:, 1]).max() < 1e-3
+    sprites = {
+        "name": "lantern",
+        "source": "meshes/lantern.glb",
+        "height": 0.8,
+        "positions": [[-0.8, 0, 0.5], [0.8, 0, 0.5]],
+    }
+    lamp = {"position": [0.7, 0.4, -0.4], "radiance": [1, 1, 1]}
+    door = {"source": "voxels/door.vox", "cell_size": 0.1, "lamps": [lamp]}
+    found = shadow_steps.receivers(
+        small_scene(billboards=[sprites], voxels=door, lights=[]), 0.0, (24, 14)
+    )
+    above = found.point[found.point[:, 1] > 0.01]
+    # Of what stands above the ground only the door, a wall one cell thick and 1.5 m high
+    assert len(above) > 5
+    assert np.ptp(above[:, 0]) < 0.2 or np.ptp(above[:, 2]) < 0.2
+    assert len(found.point) < len(plain.point)
+
+
+def test_a_scene_without_a_lamp_has_no_steps() -> None:
+    scene = small_scene(lights=[])
+    setting = Setting(quick=True)
+    assert shadow_truth.explained(scene, (0.0,), setting) == []
+
+
+def test_among_cubes_light_that_bounces_is_what_the_title_tells() -> None:
+    table = [
+        {"shadow": name, "kib": 1.0, "psnr": a, "psnr_direct": b}
+        for name, a, b in (("one", 30.0, 20.0), ("two", 25.0, 40.0))
+    ]
+    assert '"one" comes nearest: 30.0 dB' in shadow_truth._pictures(table, "psnr").title
+    assert '"two" comes nearest: 40.0 dB' in shadow_truth._pictures(table, "psnr_direct").title
