@@ -170,6 +170,9 @@ def _code(function: Callable[..., object]) -> dict[str, str]:
 
 def _digest(path: Path) -> str:
     try:
+        # A pipe or a device would never end
+        if path.is_fifo() or path.is_char_device():
+            raise InputError(path, "", "not a regular file", "give the path of a file")
         with open(path, "rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:

@@ -9,6 +9,8 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -16,7 +18,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from bake import materials
+from bake import crowded_points, materials, mesh_reading
 from formats import interrupts
 from formats.errors import BakelightError, InputError, reason
 from formats.files.glb_buffers import unpack
@@ -26,6 +28,7 @@ from formats.mesh import Mesh
 SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf")
 MAX_BYTES = 1 << 30
 MAX_FACES = 20_000_000
+PLY_HEADER = 1 << 16
 CREASE = np.cos(np.radians(40))  # faces that meet at less than 40 degrees are shaded as one surface
 
 
@@ -41,16 +44,19 @@ def files(path: Path) -> tuple[Path, ...]:
             found.append(library)
             images = _lines(library, rb"map_\w+\s+(?:-\S+\s+\S+\s+)*(.+)")
             found += _present(path, images)
-    elif suffix == ".gltf":
+    elif suffix in (".gltf", ".glb"):
         found += _present(path, _uris(path))
+    elif suffix == ".ply":
+        found += _present(path, _lines(path, rb"comment\s+TextureFile\s+(.+)", PLY_HEADER))
     return tuple(dict.fromkeys(found))
 
 
-def _lines(path: Path, pattern: bytes) -> list[str]:
-    """List what `pattern` captures at the starts of lines."""
+def _lines(path: Path, pattern: bytes, most: int = -1) -> list[str]:
+    """List what `pattern` captures at the starts of lines, of the first `most` bytes."""
     if not path.is_file() or path.stat().st_size > MAX_BYTES:
         return []
-    names = re.findall(rb"(?im)^[ \t]*" + pattern + rb"$", path.read_bytes())
+    with open(path, "rb") as file:
+        names = re.findall(rb"(?im)^[ \t]*" + pattern + rb"$", file.read(most))
     return [name.strip().decode(errors="replace") for name in names]
 
 
@@ -59,10 +65,11 @@ def _uris(path: Path) -> list[str]:
     if not path.is_file() or path.stat().st_size > MAX_BYTES:
         return []
     try:
-        tree = json.loads(path.read_bytes())
+        data = path.read_bytes()
+        tree = unpack(data, path)[0] if path.suffix.lower() == ".glb" else json.loads(data)
         items = [item for key in ("buffers", "images") for item in tree.get(key, [])]
         return [str(item["uri"]) for item in items if "uri" in item]
-    except (ValueError, TypeError, AttributeError, RecursionError):
+    except (ValueError, TypeError, AttributeError, RecursionError, struct.error, InputError):
         # `load` says what is wrong with it
         return []
 
@@ -88,12 +95,15 @@ def load(path: Path) -> Mesh:
     with interrupts.held():
         # Its imports swallow every exception, Ctrl-C too
         import trimesh
+    tree = mesh_reading.gltf_tree(path)
     try:
-        scene = trimesh.load_scene(path, resolver=_resolver(path), process=False)
-        placed = _placed(scene)
-        linear = path.suffix.lower() in (".glb", ".gltf")
-        reader = materials.Reader(linear=linear, strengths=_strengths(path) if linear else {})
-        parts = [_part(*item, path, reader) for item in placed]
+        with mesh_reading.listening(path) as notes:
+            scene = trimesh.load_scene(path, resolver=_resolver(path), process=False)
+            placed = _placed(scene)
+            linear = path.suffix.lower() in (".glb", ".gltf")
+            reader = materials.Reader(linear=linear, strengths=_strengths(tree, path))
+            parts = [_part(*item, path, reader) for item in placed]
+        told = mesh_reading.gltf_notes(tree)
     except BakelightError:
         raise
     except Exception as error:
@@ -102,15 +112,14 @@ def load(path: Path) -> Mesh:
     parts = [part for part in parts if len(part.faces)]
     if not parts:
         raise InputError(path, "faces", 0, "the file holds no triangles; export a mesh with faces")
-    return _joined(parts, path)
+    joined = _joined(parts, path)
+    return replace(joined, notes=(*told, *notes, *joined.notes))
 
 
-def _strengths(path: Path) -> dict[str, float]:
+def _strengths(tree: dict[str, Any], path: Path) -> dict[str, float]:
     """Read what trimesh leaves out of a glTF: the strengths of emission, by the material's name."""
     found: dict[str, float] = {}
     with refusing(path, "glTF file"):
-        data = path.read_bytes()
-        tree = unpack(data, path)[0] if path.suffix.lower() == ".glb" else json.loads(data)
         for material in tree.get("materials", []):
             extension = material.get("extensions", {}).get("KHR_materials_emissive_strength", {})
             strength = float(extension.get("emissiveStrength", 1.0))
@@ -127,6 +136,13 @@ def _resolver(path: Path) -> Any:
     from trimesh.resolvers import FilePathResolver
 
     class Resolver(FilePathResolver):  # type: ignore[misc, unused-ignore]
+        def absolute(self, name: str) -> Path:
+            found: Path = super().absolute(name)
+            # Pipes and devices would never end
+            if found.exists() and not found.is_file():
+                raise ValueError(f"{name!r} is not a regular file")
+            return found
+
         def get(self, name: str) -> Any:
             try:
                 return super().get(name)
@@ -237,6 +253,8 @@ def corner_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
     normals = np.empty((3 * count, 3))
     first, corner_point = faces_of_point.indptr, point.ravel()
     degree = np.diff(first)[corner_point]
+    crowded = np.flatnonzero(degree > crowded_points.CROWDED)
+    degree[crowded] = 0
     ends = np.concatenate([[0], np.cumsum(degree)])
     start = 0
     while start < 3 * count:
@@ -251,6 +269,12 @@ def corner_normals(vertices: NDArray[np.float64], faces: NDArray[np.int64]) -> N
             )
             normals[start:stop, axis] = total
         start = stop
+    crowded = crowded[np.argsort(corner_point[crowded], kind="stable")]
+    for corners in np.split(crowded, np.flatnonzero(np.diff(corner_point[crowded])) + 1):
+        if not len(corners):
+            continue
+        face = face_of_corner[corners]
+        normals[corners] = crowded_points.sums(unit[face], weighted[face], CREASE)
     smooth = _unit(normals).reshape(count, 3, 3)
     return np.where(np.any(smooth != 0, axis=2, keepdims=True), smooth, unit[:, None])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -61,7 +62,10 @@ def bake_scene(
     price : what the manifest says of them. store : another one than build/store.
     Raises InputError, MachineError, DamagedError.
     """
+    # Digests of before anything is read: what changes during the bake is baked again next time
+    text = _digest_or_none(path)
     scene = scenes.load(path, root)
+    seen = {"scene_sha256": text, "code": code(), "plans": plans(), "sources": sources_of(scene)}
     scene = scene if adjust is None else adjust(scene)
     folder = build_folder / "scenes" / scene.name
     _require_own(folder)
@@ -78,7 +82,7 @@ def bake_scene(
         plan = build(scene, reports=measured)
         needed = {asset.name for asset in plan.assets}
         taken = {name: entry for name, entry in entries.items() if name in needed}
-        _assemble(folder, scene, path, plan, taken, price)
+        _assemble(folder, scene, seen, plan, taken, price)
     return SceneBake(folder, plan, entries)
 
 
@@ -268,7 +272,7 @@ def _environment_stage(light: scenes.EnvironmentLight) -> tuple[Stage, Source[An
 
 
 def _assemble(
-    folder: Path, scene: scenes.Scene, path: Path, plan: Plan, entries: dict[str, Entry],
+    folder: Path, scene: scenes.Scene, seen: dict[str, Any], plan: Plan, entries: dict[str, Entry],
     price: dict[str, Any] | None,
 ) -> None:  # fmt: skip
     """Publish the scene's sealed folder; one that is there, intact and says the same stays."""
@@ -277,11 +281,8 @@ def _assemble(
         "format": MANIFEST_FORMAT,
         "name": scene.name,
         "scene": scene.raw,
-        "scene_sha256": digest(path),
-        "code": code(),
-        "plans": plans(),
+        **seen,
         "root": "" if scene.root is None else str(scene.root.resolve()),
-        "sources": sources_of(scene),
         "plan": plan.as_dict(),
         "assets": assets,
         # As they were planned: keys of this file are sorted
@@ -326,11 +327,16 @@ def _says(folder: Path, text: str) -> bool:
 
 
 def keys_in_use(build_folder: Path) -> set[str]:
-    """Return the store keys that the scenes in build/scenes were baked from, at every stage."""
+    """Return the store keys that the scenes in build/scenes were baked from, at every stage.
+
+    Raises OSError where a scene's folder cannot be read.
+    """
     keys: set[str] = set()
-    for manifest in (build_folder / "scenes").glob("*/manifest.json"):
-        with suppress(OSError, ValueError, KeyError):
-            keys |= set(json.loads(manifest.read_text())["keys"])
+    folder = build_folder / "scenes"
+    # A folder that cannot be read is no folder without scenes
+    for name in os.listdir(folder) if folder.exists() else ():
+        with suppress(FileNotFoundError, NotADirectoryError, ValueError, KeyError, TypeError):
+            keys |= set(json.loads((folder / name / "manifest.json").read_text())["keys"])
     pending = list(keys)
     while pending:
         # An entry's recipe names the entries that it was made from
@@ -341,6 +347,14 @@ def keys_in_use(build_folder: Path) -> set[str]:
                 keys |= found
                 pending += found
     return keys
+
+
+def _digest_or_none(path: Path) -> str:
+    """Return the digest of a scene file; "" where loading it says what is wrong with it."""
+    try:
+        return digest(path)
+    except (OSError, ValueError):
+        return ""
 
 
 def sources_of(scene: scenes.Scene) -> dict[str, str]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import fields
 from math import radians
 from pathlib import Path
@@ -51,10 +50,7 @@ DOME_ALONE = ("bands", "penalty", "channels")
 @build_option
 @jobs_option
 @json_option
-@click.pass_context
 def billboard(
-    context: click.Context,
-    /,
     source: Path,
     out: Path,
     dome: bool,
@@ -71,9 +67,9 @@ def billboard(
 
     output.use_threads(jobs)
     if dome:
-        refuse(context, RING_ALONE, "remove it: a dome has no such knob")
+        output.refuse(RING_ALONE, "remove it: a dome has no such knob")
     else:
-        refuse(context, DOME_ALONE, "add --dome, or remove it")
+        output.refuse(DOME_ALONE, "add --dome, or remove it")
     steps = dome_steps(knobs) if dome else ring_steps(knobs)
     if ask := asked(target_error, budget):
         from pipelines import price_dome, price_sprites
@@ -90,18 +86,6 @@ def billboard(
         watch = None if bar is None else lambda fraction: bar(source.name, fraction)
         entry = bake_sprites.bake(Store(build / "store"), sprite, watch)
     output.delivered(entry, out, as_json)
-
-
-def refuse(context: click.Context, names: Iterable[str], remedy: str) -> None:
-    """Raise InputError for the first of these options that the user wrote."""
-    from click.core import ParameterSource
-
-    from formats.errors import InputError
-
-    for name in names:
-        if context.get_parameter_source(name) == ParameterSource.COMMANDLINE:
-            flag = "--" + name.replace("_", "-")
-            raise InputError("command line", flag, context.params[name], remedy)
 
 
 def ring_steps(knobs: dict[str, Any]) -> tuple[Step, ...]:

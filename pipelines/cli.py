@@ -6,8 +6,10 @@ interrupted.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -157,6 +159,10 @@ def render(
     from pipelines.render_scene import Options, render_scene, trace_scene
 
     output.use_threads(jobs)
+    if not reference:
+        output.refuse(("samples",), "add --reference, or remove it")
+    if out.suffix.lower() not in (".webp", ".mp4"):
+        output.refuse(("quality",), "remove it: only .webp and .mp4 have it")
     options = Options(layers, quality, skip_existing)
     if reference:
         traced = trace_scene(
@@ -223,6 +229,7 @@ def study(
 
 def main() -> None:
     """Run the command line; the process's exit code says what went wrong."""
+    start.streams()
     start.lean()
     try:
         from pipelines import single
@@ -278,11 +285,18 @@ def _refused(error: OSError) -> tuple[str, int]:
     reason, file = error.strerror or str(error), error.filename or "output"
     if isinstance(error, FileExistsError | NotADirectoryError | IsADirectoryError):
         return f"{file}: {reason} -- name another file or folder", 2
+    if error.errno in (errno.ENAMETOOLONG, errno.ELOOP):
+        return f"{file}: {reason} -- name another file or folder", 2
+    if isinstance(error, PermissionError):
+        remedy = "check its permissions and its folder's, or choose another place"
+        return f"{file}: {reason} -- {remedy}", 3
     return f"{file}: {reason} -- choose a place with room that can be written", 3
 
 
 def _say(message: str, code: int) -> int:
-    click.echo(f"bakelight: {message}", err=True)
+    """Print one line on standard error, whatever names hold, if that can still be written."""
+    with suppress(OSError):
+        click.echo(f"bakelight: {start.plain(message)}", err=True)
     return code
 
 

@@ -70,6 +70,9 @@ def _source(*packages: str) -> str:
 
 
 def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, in hex."""
+    """Return the SHA-256 of a file, in hex. OSError where there is none, ValueError for a pipe."""
+    # A pipe or a device would never end
+    if path.is_fifo() or path.is_char_device():
+        raise ValueError(f"{path} is not a regular file.")
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

@@ -28,10 +28,14 @@ def deliver(source: Path, target: Path, amend: Callable[[Path], None] | None = N
     """Put a copy of the sealed folder `source` at `target`; a copy that is there and intact stays.
 
     amend : adds to the copy and seals it anew. What stood there is replaced only if it is a baked
-    folder. InputError, MachineError.
+    folder, and neither a scene nor an entry of a store. InputError, MachineError.
     """
     sweep(target)
     if target.exists():
+        # The store marks its folder by its locks
+        if (target / "manifest.json").exists() or (target.absolute().parent / ".locks").is_dir():
+            remedy = "name a new or empty folder"
+            raise InputError(target, "--output", "is a baked scene, or lies in a store", remedy)
         if not target.is_dir() or (any(target.iterdir()) and not seal.is_sealed(target)):
             remedy = "name a new or empty folder"
             raise InputError(target, "--output", "is not a baked folder", remedy)

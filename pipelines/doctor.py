@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from pipelines.cli import build_option, file_path, json_option
+from pipelines.start import plain
 
 Progress = Callable[[int, int, str], None]
 
@@ -46,11 +47,11 @@ def _files(files: tuple[Path, ...], as_json: bool) -> int:
             continue
         told.append(found.as_json())
         if not as_json:
-            click.echo("\n".join(found.lines()))
+            click.echo("\n".join(map(plain, found.lines())))
     if as_json:
         output.dump({"files": told})
     for line in refused:
-        click.echo(f"bakelight: {line}", err=True)
+        click.echo(f"bakelight: {plain(line)}", err=True)
     return 2 if refused else 0
 
 

@@ -57,6 +57,8 @@ def lightmap(
     from pipelines import output
 
     output.use_threads(jobs)
+    if environment is None:
+        output.refuse(("sky",), "add --environment, or remove it")
     params = stage.Params(**knobs)
     params.check()
     store = Store(build / "store")

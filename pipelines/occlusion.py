@@ -50,6 +50,10 @@ def occlusion(
     from pipelines import bake_sprites, output
 
     output.use_threads(jobs)
+    if knobs["encoding"] == "bands":
+        output.refuse(("components",), "remove it: only --encoding talk has it")
+    elif target_error is None and budget is None:
+        output.refuse(("size",), "add --encoding bands, or remove it")
     if ask := asked(target_error, budget):
         from pipelines.price_occlusion import CHOSEN, OcclusionAsset
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import click
+
+from pipelines.start import plain
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,6 +30,19 @@ def use_threads(count: int) -> None:
     from bake import workers
 
     workers.use(count)
+
+
+def refuse(names: Iterable[str], remedy: str) -> None:
+    """Raise InputError for the first of these options that the user wrote."""
+    from click.core import ParameterSource
+
+    from formats.errors import InputError
+
+    context = click.get_current_context()
+    for name in names:
+        if context.get_parameter_source(name) == ParameterSource.COMMANDLINE:
+            flag = "--" + name.replace("_", "-")
+            raise InputError("command line", flag, context.params[name], remedy)
 
 
 @contextmanager
@@ -136,7 +151,7 @@ def traced(job: RenderJob, *, as_json: bool) -> None:
         speed = f"{row['rays_per_second'] / 1e6:9.2f}  {row['mean_error']:.3g}"
         click.echo(f"{name:24}{numbers}{speed}", err=True)
         for note in row["notes"]:
-            click.echo(f"note: {note}", err=True)
+            click.echo(f"note: {plain(note)}", err=True)
 
 
 def delivered(entry: Entry, out: Path, as_json: bool) -> None:
@@ -154,7 +169,7 @@ def delivered(entry: Entry, out: Path, as_json: bool) -> None:
     if told.lines(data):
         click.echo("\n".join(told.good(quality)))
     for note in quality.get("notes", []):
-        click.echo(f"note: {note}", err=True)
+        click.echo(f"note: {plain(note)}", err=True)
     click.echo(str(out))
 
 
@@ -173,7 +188,7 @@ def inspected(data: dict[str, Any], as_json: bool) -> None:
     if as_json:
         dump(data)
     elif found := told.lines(data):
-        click.echo("\n".join(found))
+        click.echo("\n".join(map(plain, found)))
     else:
         _rows(data, "")
 
@@ -181,12 +196,11 @@ def inspected(data: dict[str, Any], as_json: bool) -> None:
 def _rows(data: dict[str, Any], indent: str) -> None:
     for name, value in data.items():
         if isinstance(value, dict):
-            click.echo(f"{indent}{name}:")
+            click.echo(f"{indent}{plain(name)}:")
             _rows(value, indent + "  ")
         else:
-            click.echo(
-                f"{indent}{name}: {value if not isinstance(value, float) else f'{value:.6g}'}"
-            )
+            shown = f"{value:.6g}" if isinstance(value, float) else str(value)
+            click.echo(f"{indent}{plain(name)}: {plain(shown)}")
 
 
 def found(findings: list[Finding], as_json: bool) -> None:

@@ -35,10 +35,7 @@ RING_ALONE = ("tolerance", "terms")
 @build_option
 @jobs_option
 @json_option
-@click.pass_context
 def photographs(
-    context: click.Context,
-    /,
     source: Path,
     out: Path,
     space: Space,
@@ -54,7 +51,6 @@ def photographs(
     """Bake photographs under a dome of lights, named in a .lp file, into 16 numbers a pixel."""
     from bake.store import Store
     from pipelines import bake_sprites, output
-    from pipelines.billboard import refuse
 
     output.use_threads(jobs)
     held = held_out(source, hold_out)
@@ -70,10 +66,10 @@ def photographs(
         bake_by_price(Store(build / "store"), subject, ask, out, as_json, None)
         return
     if ring is None:
-        refuse(context, RING_ALONE, "add --ring ELEVATION, or remove it")
+        output.refuse(RING_ALONE, "add --ring ELEVATION, or remove it")
         steps = dome_steps(held, knobs)
     else:
-        refuse(context, DOME_ALONE, "remove it: a ring has no such knob")
+        output.refuse(DOME_ALONE, "remove it: a ring has no such knob")
         steps = ring_steps(held, ring, knobs)
     sprite = bake_sprites.Sprite(bake_sprites.photographs_source(source, space), steps)
     entry = bake_sprites.bake(Store(build / "store"), sprite)

@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pipelines import start
+
 if TYPE_CHECKING:
     from bake.store import Store
     from pipelines.price import Ask, Deal, Subject, Watch
@@ -90,7 +92,7 @@ def bake_by_price(
     for line in deal.lines():
         click.echo(line)
     for note in (*quality.get("notes", []), *missed(deal)):
-        click.echo(f"note: {note}", err=True)
+        click.echo(f"note: {start.plain(note)}", err=True)
     click.echo(str(out))
 
 
@@ -141,7 +143,7 @@ def bake_scene(
         for line in deal.lines():
             click.echo(f"  {line}")
         for note in missed(deal):
-            click.echo(f"note: {name}: {note}", err=True)
+            click.echo(f"note: {name}: {start.plain(note)}", err=True)
     click.echo(f"in all: {found.seconds:.1f} s")
     if ask.budget is not None and found.seconds > 1.2 * ask.budget:
         click.echo(f"note: {ask.budget:g} s were asked for", err=True)

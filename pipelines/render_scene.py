@@ -222,12 +222,15 @@ def _write(
         from pipelines import movie
 
         out.parent.mkdir(parents=True, exist_ok=True)
+        moments.sweep(out.parent)
         frames = progress((player.frame(m.time)[..., :3] for m in wanted), len(wanted))
         movie.write(out, frames, rate, len(wanted), options.quality)
         job.files.append(out)
         job.frames = len(wanted)
         return
     write = _linear(player, names) if out.suffix.lower() == ".exr" else _finished(player)
+    for moment in wanted[:1]:
+        moments.sweep(moments.target(out, moment).parent)
     for moment in progress(wanted, len(wanted)):
         target = moments.target(out, moment)
         if options.skip_existing and target.is_file():

@@ -45,6 +45,10 @@ def voxels(
     from pipelines import bake_sprites, output
 
     output.use_threads(jobs)
+    if source.suffix.lower() in (".vox", ".xraw"):
+        output.refuse(("surface",), "remove it: a voxel file has its inside")
+    else:
+        output.refuse(("emission_scale",), "remove it: only a voxel file has it")
     marked = tuple(parse_emissive(text) for text in emissive)
     knobs = {"cell_size": cell_size, "emission_scale": emission_scale, "grid": grid}
     given, step = chosen(source, {**knobs, "emissive": marked, "solid": not surface})
@@ -82,7 +86,8 @@ def chosen(source: Path, knobs: dict[str, Any]) -> tuple[Source[Any], Step]:
         remedy = "give --grid for a mesh, --cell-size for a voxel file"
         raise InputError("command line", f"--{unused.replace('_', '-')}", knobs[unused], remedy)
     if found is None:
-        mesh = stage.MeshParams(knobs["grid"] or GRID, knobs["solid"], knobs["emissive"])
+        grid = GRID if knobs["grid"] is None else knobs["grid"]
+        mesh = stage.MeshParams(grid, knobs["solid"], knobs["emissive"])
         return bake_sprites.mesh_source(source), Step(stage.from_mesh, mesh, Voxels.load)
     read, turn = found
     size = CELL_SIZE if knobs["cell_size"] is None else knobs["cell_size"]

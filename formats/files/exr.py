@@ -135,6 +135,7 @@ def read(path: Path) -> dict[str, NDArray[np.float32]]:
     import OpenEXR
 
     check_readable(path, MAX_FILE_BYTES)
+    _require_spelling(path)
     with refusing(path, "OpenEXR picture"):
         with OpenEXR.File(str(path), header_only=True) as file:
             shapes = _checked_headers(path, [part.header for part in file.parts])
@@ -155,6 +156,7 @@ def _save(path: Path, parts: list[Any], size: int) -> None:
     """Write parts of about `size` bytes."""
     import OpenEXR
 
+    _require_spelling(path)
     with atomic.replacing(Path(path)) as temporary:
         try:
             OpenEXR.File(parts).write(str(temporary))
@@ -164,6 +166,15 @@ def _save(path: Path, parts: list[Any], size: int) -> None:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)) from error
             remedy = "check the attributes, and that the folder can be written"
             raise InputError(path, "write", str(error), remedy) from error
+
+
+def _require_spelling(path: Path) -> None:
+    """Refuse names of bytes that are no UTF-8: OpenEXR cannot open them, and does not say so."""
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        remedy = "rename file and folders, or choose others: OpenEXR wants UTF-8"
+        raise InputError(path, "name", "not UTF-8", remedy) from error
 
 
 def _checked(path: Path, name: str, values: NDArray[Any]) -> NDArray[Any]:

@@ -103,6 +103,16 @@ def test_a_missing_source_is_named(bench: Bench, tmp_path: Path) -> None:
         bench.store.run(repeat, Source((tmp_path,), partial(read_text, tmp_path)))
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes have names on Unix alone")
+def test_a_pipe_or_a_device_is_no_source(bench: Bench, tmp_path: Path) -> None:
+    """To hash one would wait for ever, or never end."""
+    os.mkfifo(tmp_path / "pipe.hdr")
+    (tmp_path / "zero.hdr").symlink_to("/dev/zero")
+    for path in (tmp_path / "pipe.hdr", tmp_path / "zero.hdr"):
+        with pytest.raises(InputError, match="not a regular file"):
+            bench.store.run(repeat, Source((path,), partial(read_text, path)))
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
 def test_parameters_must_be_finite(bench: Bench, value: float) -> None:
     with pytest.raises(InputError, match=r"repeat: factor: (nan|inf)"):

@@ -192,3 +192,13 @@ def test_layers_that_cannot_be_written(layers: dict[str, object], tmp_path: Path
     with pytest.raises(InputError):
         exr.write_layers(tmp_path / "a.exr", layers)  # type: ignore[arg-type]
     assert list(tmp_path.iterdir()) == []
+
+
+def test_names_that_are_no_utf8_are_refused_by_name(tmp_path):
+    """OpenEXR cannot open them and speaks of its arguments."""
+    path = tmp_path / os.fsdecode(b"\xff.exr")
+    with pytest.raises(InputError, match="not UTF-8"):
+        exr.write(path, {"": np.ones((2, 2, 3), np.float32)})
+    path.write_bytes(b"v/1\x01")
+    with pytest.raises(InputError, match="not UTF-8"):
+        exr.read(path)

@@ -58,3 +58,19 @@ def test_another_root_is_another_scene(assets: Path, tmp_path: Path) -> None:
     other = tmp_path / "other"
     shutil.copytree(assets, other)
     assert not is_current(folder, scenes.load(path, other), path)
+
+
+@pytest.mark.parametrize("what", ["scene", "source"])
+def test_what_changes_during_a_bake_is_baked_again(assets: Path, tmp_path: Path, what: str) -> None:
+    """The manifest holds the digests of before: those of after would call the old bake current."""
+    path, build = assets / "scenes/plain.toml", tmp_path / "build"
+
+    def edit(scene: scenes.Scene) -> scenes.Scene:
+        file = path if what == "scene" else next(iter(scene.sources.values()))
+        file.write_bytes(file.read_bytes() + (b"\n# more\n" if what == "scene" else b"\0\0\0\0"))
+        return scene
+
+    done = bake_scene(path, build_folder=build, adjust=edit)
+    assert not is_current(done.folder, scenes.load(path), path)
+    again = bake_scene(path, build_folder=build)
+    assert is_current(again.folder, scenes.load(path), path)
