@@ -60,11 +60,17 @@ def _look(found: Mesh) -> str:
 
 
 def _placed(told: Diagnosis, middle: Array, longest: float) -> None:
+    from bake.mesh import LARGEST
+
     offset = float(np.abs(middle).max()) / longest
     if offset > FAR:
         bake = "moved to the origin in double precision; what the file lost stays lost"
         what = f"it lies {offset:.2g} times its size from the origin"
         told.find("warning", what, offset, "sizes", bake)
+    reach = float(np.abs(middle).max()) + longest / 2
+    if reach > LARGEST:
+        bake = f"as a mesh of a scene and by transfer it is refused: they keep within {LARGEST:g} m"
+        told.find("warning", f"it reaches {reach:.3g} m from the origin", reach, "m", bake)
     if not SMALL <= longest <= LARGE:
         what = f"its longest side is {longest:.3g} m"
         told.find("note", what, longest, "m", "sprites get the scene's height; give meshes a scale")

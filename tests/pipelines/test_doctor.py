@@ -68,6 +68,8 @@ def test_faults_of_meshes_are_counted(tmp_path: Path) -> None:
     assert found(far, "from the origin").measure == pytest.approx(5e4, rel=1e-3)
     small = examine(obj(tmp_path / "g.obj", ball.vertices * 1e-3, ball.faces))
     assert found(small, "longest side").measure == pytest.approx(2e-3)
+    huge = examine(obj(tmp_path / "g2.obj", ball.vertices * 2e6, ball.faces))
+    assert found(huge, "it reaches").measure == pytest.approx(2e6)
     flat = examine(obj(tmp_path / "h.obj", box.vertices * [1, 1, 1e-3], box.faces))
     # Of 256 places one may lie so near to a rim that it counts as thick
     assert found(flat, "occlusion volume").measure > 0.98
