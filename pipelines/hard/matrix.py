@@ -123,9 +123,13 @@ every number of an asset is finite, as made and as read back from its sealed fil
 Decoders of files that people bring: OpenEXR, in C++ and of a rich format, decodes in a process of
 its own, which may take 8 GiB, and 60 s and one more for every 4 MB; its own prints are dropped. It
 costs .25 s a file, on bakes that find nothing in their store. PNG, JPEG, WebP and TIFF (Pillow),
-zstd and meshes (trimesh, in Python) are decoded where they are read: sizes are checked before, and
-of 100,000 damaged JPEG, WebP and TIFF files none crashed, took 2 s or 512 MB, or ended in anything
-but a sound picture or one line (95 %: below 3e-5). `make fuzz` counts it again, for every kind.
+zstd and meshes (trimesh, in Python) are decoded where they are read: sizes are checked before.
+
+Damaged files, of each of 16 kinds (.vox, .lp, .hdr, .exr, .ktx2, .dds, .png, other pictures, .glb
+alone and as a mesh, .obj, .ply, .toml, one report, folders of reports, seals): of 100,000 each none
+crashed, took 2 s or 512 MB, or ended in anything but a sound result or one line (95 %: below 3e-5).
+`make fuzz` counts it again. A first count had found 20, of two causes: keys of a scene 1e-320 s
+apart, and a list as a material's name.
 
 Kernels of BLAS: what is stored as codes is summed in double precision and rounded once. Of 1.66
 million texels of a lumpy shape, baked with the kernels of Haswell, SkylakeX, Sandybridge, Nehalem

@@ -52,6 +52,8 @@ QUESTIONS = (
     "voxel_storage",
 )
 STORE = Path("build/store")
+MINOR = ("error_low", "error_high", "frame_ms_low", "frame_ms_high", "default")
+"""Columns that a table does without first."""
 LONG = ("price", "presets", "coverage")
 """Only where they are named: they bake for ten minutes and more."""
 KINDS = {
@@ -263,17 +265,34 @@ def show(console: Any, answer: answers.Answer) -> None:
     from rich.table import Table
 
     rows = answer.table or answer.rows
-    table = Table(box=box.SIMPLE, padding=(0, 1, 0, 0))
     columns = list(dict.fromkeys(name for row in rows for name in row if name != "series"))
-    for name in columns:
+    cells = {n: [_short(row[n]) if n in row else "" for row in rows] for n in columns}
+    shown = _fitting(cells, console.width - 2)
+    table = Table(box=box.SIMPLE, padding=(0, 1, 0, 0))
+    for name in shown:
         first = next(row[name] for row in rows if name in row)
-        table.add_column(
-            name.replace("_", " "), justify="left" if isinstance(first, str) else "right"
-        )
-    for row in rows:
-        table.add_row(*(_short(row[name]) if name in row else "" for name in columns))
+        table.add_column(_head(name), justify="left" if isinstance(first, str) else "right")
+    for line in zip(*(cells[name] for name in shown), strict=True):
+        table.add_row(*line)
     console.print(table)
+    if len(shown) < len(columns):
+        left = len(columns) - len(shown)
+        console.print(f"[dim]a narrow terminal: {left} of {len(columns)} columns left out[/dim]")
     console.print(f"[bold]{answer.title}[/bold]")
+
+
+def _fitting(cells: dict[str, list[str]], width: int) -> list[str]:
+    """Return the columns that fit side by side into a width, which others have to leave."""
+    wide = {n: max(map(len, [*_head(n).split(), *column])) + 2 for n, column in cells.items()}
+    kept = list(cells)
+    for name in (*MINOR, *reversed(cells)):
+        if sum(wide[n] for n in kept) > width and name in kept[1:]:
+            kept.remove(name)
+    return kept
+
+
+def _head(name: str) -> str:
+    return name.replace("_", " ")
 
 
 def _short(value: float | int | str) -> str:

@@ -156,3 +156,15 @@ def test_a_source_that_nothing_can_read_is_refused_once(
     assert refusal.value.file == str(source)
     assert capsys.readouterr().out == ""
     assert not (tmp_path / "out").exists()
+
+
+def test_a_table_of_many_columns_fits_a_narrow_terminal() -> None:
+    names = [f"column_{k}" for k in range(20)]
+    cells = {"subject": ["a bust of stone"], "error_low": ["0.10"]}
+    cells |= {name: ["12345"] for name in names}
+    kept = run._fitting(cells, 78)
+    # What others can do without goes first, then from the end; a column takes two more cells
+    assert kept == ["subject", *names[:7]]
+    assert sum(max(map(len, [*cells[n], *n.split("_")])) + 2 for n in kept) <= 78
+    assert run._fitting(cells, 5) == ["subject"]
+    assert run._fitting(cells, 1000) == list(cells)
