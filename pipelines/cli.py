@@ -11,7 +11,7 @@ import os
 import sys
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import click
 
@@ -245,15 +245,21 @@ def _flushed(code: int) -> int:
     """Write out what is buffered, while an error can still be told; return the exit code."""
     try:
         sys.stdout.flush()
-        return code
-    except BrokenPipeError:
-        pass
     except OSError as error:
         # A command that met it itself has said so
-        code = code or _say(*_refused(error))
-    # Leaving would flush, and fail, again
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            code = code or _say(*_refused(error))
+        _drop(sys.stdout)
+    try:
+        sys.stderr.flush()
+    except OSError:
+        _drop(sys.stderr)
     return code
+
+
+def _drop(stream: TextIO) -> None:
+    """Let what a stream still holds go nowhere: leaving would flush, and fail, again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def run(arguments: list[str]) -> int:

@@ -7,7 +7,10 @@ Embree at those very places, many rays each: nothing is looked up between them.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from bake import lightmap
 from formats.lightmap import Faces
@@ -19,6 +22,7 @@ from pipelines.studies.gather_modes import laid_out
 from pipelines.studies.stages import processor_seconds
 from pipelines.studies.subjects import Setting
 
+Indices = NDArray[np.int64]
 TAKES = ("voxels",)
 TEXELS, PLACES = (1, 2, 4, 8), 5
 DEFAULT = 2
@@ -122,18 +126,14 @@ def shown_at(faces: Faces, image: Float, places: Faces) -> Float:
 
 def looked_up(faces: Faces, image: Float, places: Faces) -> Float:
     """Return an image (h, w, 3) of one layout, bilinear, at the texels (T, 3) of another layout of
-    the same cells, in the order of its `interior`."""
-    keys = ["axis", "sign", "plane", "u", "v", "width", "height"]
-    both = [each.rectangles[keys] for each in (faces, places)]
-    orders = [np.argsort(each, order=keys) for each in both]
-    if not np.array_equal(both[0][orders[0]], both[1][orders[1]]):
-        raise ValueError("the layouts are of other cells: their rectangles differ.")
-    same = np.empty(len(orders[0]), np.int64)
-    same[orders[1]] = orders[0]
+    the same cells, in the order of its `interior`. Long rectangles of the two may be cut in other
+    places. ValueError where cells differ."""
     rows, tu, tv, _, _ = places.interior
-    r = faces.rectangles[same[rows]]
-    ratio = faces.texels / places.texels
-    at = [r["x"] + (tu + 0.5) * ratio - 0.5, r["y"] + (tv + 0.5) * ratio - 0.5]
+    own = places.rectangles[rows]
+    # Where texels lie along the sides of their cells
+    u, v = (own[k] + (t + 0.5) / places.texels for k, t in (("u", tu), ("v", tv)))
+    r = faces.rectangles[_holders(faces, own, u.astype(np.int64), v.astype(np.int64))]
+    at = [r[k] + (w - r[o]) * faces.texels - 0.5 for k, o, w in (("x", "u", u), ("y", "v", v))]
     low = [np.floor(value).astype(np.int64) for value in at]
     part = [value - first for value, first in zip(at, low, strict=True)]
     total = np.zeros((len(tu), 3))
@@ -142,3 +142,26 @@ def looked_up(faces: Faces, image: Float, places: Faces) -> Float:
             share = (part[0] if dx else 1 - part[0]) * (part[1] if dy else 1 - part[1])
             total += share[:, None] * image[low[1] + dy, low[0] + dx]
     return total.astype(np.float32)
+
+
+def _holders(faces: Faces, planes: NDArray[Any], u: Indices, v: Indices) -> Indices:
+    """Return the rectangles (T,) of a layout that hold the faces (u, v) of cells, in the planes of
+    other rectangles (T,)."""
+    r = faces.rectangles
+    count = r["width"].astype(np.int64) * r["height"]
+    row = np.repeat(np.arange(len(r)), count)
+    k = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
+    wide = r["width"][row]
+    known = _numbers(r[row], r["u"][row] + k % wide, r["v"][row] + k // wide)
+    order, wanted = np.argsort(known), _numbers(planes, u, v)
+    place = np.minimum(np.searchsorted(known[order], wanted), len(order) - 1)
+    found: Indices = row[order[place]]
+    if not np.array_equal(known[order[place]], wanted):
+        raise ValueError("the layouts are of other cells: their faces differ.")
+    return found
+
+
+def _numbers(planes: NDArray[Any], u: Indices, v: Indices) -> Indices:
+    """Return a number of its own for each face of a cell."""
+    side = 2 * planes["axis"].astype(np.int64) + (planes["sign"] > 0)
+    return np.asarray(((side << 16 | planes["plane"]) << 20 | u) << 20 | v)

@@ -24,7 +24,7 @@ from typing import Any
 from bake import publish
 from bake.store import Store
 from tests.hard_crash import forks
-from tests.hard_crash.subjects import Subject, leftovers, place_old, tree, unfinished
+from tests.hard_crash.subjects import Subject, leftovers, tree, unfinished
 from tests.hard_crash.tally import Note, silent
 
 NAMES = ("mkdir", "rename", "replace", "fsync", "sendfile", "write", "fchmod")
@@ -135,7 +135,7 @@ def _again(ended: dict[str, Any], whole: dict[str, str], build: Path) -> tuple[s
 
 def _before(subject: Subject, build: Path) -> dict[str, str]:
     """Have a delivered folder of an earlier bake; return its bytes."""
-    place_old(build / "scenes" / subject.name)
+    subject.place_old(build)
     return tree(build)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 from bake import tiles
 from pipelines import deliver
 from tests.hard_crash import forks
-from tests.hard_crash.subjects import Subject, place_old
+from tests.hard_crash.subjects import Subject
 
 Event = tuple[str, str, str]
 WRONG = ("files not flushed before their name", "folders not flushed before their name",
@@ -32,7 +32,7 @@ def prove(subjects: dict[str, Subject], folder: Path) -> dict[str, Any]:
     for subject, replaced in itertools.product(subjects.values(), (False, True)):
         build = folder / "ordered"
         if replaced:
-            place_old(build / "scenes" / subject.name)
+            subject.place_old(build)
         events = forks.value(partial(_watched, partial(subject.run, build), build))
         shutil.rmtree(build)
         published, bad = judged([(str(a), str(b), str(c)) for a, b, c in events])

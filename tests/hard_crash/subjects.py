@@ -93,6 +93,14 @@ class Subject:
         entry = self.bake(Store(build / "store", **store))
         deliver(entry.path, build / "scenes" / self.name)
 
+    def place_old(self, build: Path) -> None:
+        """Put a baked folder of last week where the new one will be delivered."""
+        folder = build / "scenes" / self.name
+        folder.mkdir(parents=True)
+        name = "report.json" if self.scene is None else "manifest.json"
+        (folder / name).write_text('{"old": true}')
+        seal.seal(folder)
+
 
 def write_sources(folder: Path, size: int = 1) -> None:
     """Write every source file. size : 1, or a factor on pictures for proofs that need texels."""
@@ -236,14 +244,6 @@ def _world(store: Store, folder: Path) -> tuple[Baked[Any], ...]:
         Baked(bake_sprites.bake(store, Sprite(*_pile(folder))), Voxels.load),
         Baked(bake_sprites.bake(store, Sprite(*_sky(folder))), Environment.load),
     )
-
-
-def place_old(folder: Path) -> None:
-    """Put a baked folder of last week where the new one will be delivered."""
-    folder.mkdir(parents=True)
-    for name in ("report.json", "manifest.json"):
-        (folder / name).write_text('{"old": true}')
-    seal.seal(folder)
 
 
 def tree(folder: Path) -> dict[str, str]:

@@ -99,11 +99,18 @@ def test_aiming_finds_one_small_lamp(card) -> None:
 # modes
 
 
-def test_lookups_between_texels() -> None:
-    """What is linear on a wall stays so between texels; at texels they are the texels."""
+@pytest.mark.parametrize("longest", [128, 16])
+def test_lookups_between_texels(longest, monkeypatch) -> None:
+    """What is linear on a wall stays so between texels; at texels they are the texels.
+
+    longest : side of a rectangle, texels; of 16 the finer layout cuts walls that the coarser has in
+    one piece.
+    """
+    monkeypatch.setattr(voxel_faces, "LONGEST", longest)
     world = box(6, 0.5)
     coarse, fine = (voxel_faces.layout(world.cells, texels=n) for n in (2, 5))
     image = np.nan_to_num(coarse.positions())
+    assert (len(fine.rectangles) > len(coarse.rectangles)) == (longest == 16)
     rows, tu, tv, x, y = coarse.interior
     found = lightmap_texels.looked_up(coarse, image, coarse)
     np.testing.assert_array_equal(found, image[y, x])
