@@ -82,7 +82,7 @@ def answered(rows: list[Row], shots: dict[tuple[str, str], Shot], setting: Setti
     return Answer(
         question="mesh_lights",
         title=f"Lit directly, a lamp adds {each:.2g} ms to a frame of {size}, and {MOST_LIGHTS} "
-        f"are the most that a scene may have; by transfer a frame takes {few:.2g} ms under 1 and "
+        f"are the most that a scene may have; by transfer a frame takes {few:.0f} ms under 1 and "
         f"{many:,.0f} under {largest:,}. Under {MOST_LIGHTS} the picture errs by "
         f"{lacking['direct']} for want of shadows, by transfer {lacking['transfer']}",
         truth="rays from the middle of each pixel to every lamp; sums in double precision",

@@ -90,7 +90,7 @@ def measure(setting: Setting) -> Answer:
     direct = [int(row["count"]) for row in rows if row["floor"] == "ground"]
     return Answer(
         question="shadow_lights",
-        title=f"The shadow pass takes {passes[0]:.2g} ms with 1 light and {passes[1]:.2g} with "
+        title=f"The shadow pass takes {passes[0]:.0f} ms with 1 light and {passes[1]:.0f} with "
         f"{most:,}, which take {projection:.0f} ms to project; the picture errs by "
         f"{errors[1]:.1%} with 1 and {errors[most]:.1%} with {most:,}",
         truth="rays from the middle of each pixel to every lamp",
@@ -110,7 +110,7 @@ def measure(setting: Setting) -> Answer:
                 _parts(rows),
                 None,
                 ("log", "log"),
-                title=f"The pass takes {passes[0]:.2g} ms with 1 lamp and {passes[1]:.2g} with "
+                title=f"The pass takes {passes[0]:.0f} ms with 1 lamp and {passes[1]:.0f} with "
                 f"{most:,}; projecting those takes {projection:.0f} ms",
             ),
             Panel(
