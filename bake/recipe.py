@@ -6,7 +6,8 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, is_dataclass
 from functools import partial
 from pathlib import Path
@@ -105,6 +106,19 @@ class Source(Generic[T]):
 
 
 Input = Source[Any] | Baked[Any]
+
+
+@contextmanager
+def naming(inputs: tuple[Input, ...]) -> Iterator[None]:
+    """Let what a stage refuses name the user's file, which the stage never sees."""
+    try:
+        yield
+    except InputError as error:
+        files = [each.paths[0] for each in inputs if isinstance(each, Source)]
+        if not files or str(files[0]) in error.file:
+            raise
+        named = f"{files[0]}: {error.file}"
+        raise InputError(named, error.field, error.value, error.remedy) from error
 
 
 def of(stage: Stage, inputs: tuple[Input, ...], params: Any) -> dict[str, Any]:

@@ -111,7 +111,8 @@ class Store:
             assets = self._load(inputs, contents)
             finished = self.folder / f"{publish.TILES}{key}"
             work = partial(stage, *assets, params=params, progress=on_progress or silent)
-            kind, seconds = self._finish(work, finished, name)
+            with recipe.naming(inputs):
+                kind, seconds = self._finish(work, finished, name)
             recipe.require_unedited(stage, inputs)
             self._publish(kind, path, contents, seconds)
             publish.discard(finished)

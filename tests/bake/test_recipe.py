@@ -137,3 +137,16 @@ def test_misuse_is_told_to_the_programmer(bench: Bench) -> None:
             run(repeat, bench.source, params=params)
     with pytest.raises(TypeError, match=r"report\.json"):
         run(unreported, bench.source)
+
+
+def test_what_a_stage_refuses_names_the_users_file(tmp_path: Path) -> None:
+    path = tmp_path / "huge.obj"
+    source = recipe.Source((path,), dict)
+    with pytest.raises(InputError) as told, recipe.naming((source,)):
+        raise InputError("mesh", "vertices", 1e30, "scale it down")
+    assert str(told.value) == f"{path}: mesh: vertices: 1e+30 -- scale it down"
+    # What names the file already, and what has none, stays
+    for inputs, file in (((source,), str(path)), ((), "mesh")):
+        with pytest.raises(InputError) as told, recipe.naming(inputs):
+            raise InputError(file, "vertices", 1e30, "scale it down")
+        assert told.value.file == file
