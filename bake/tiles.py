@@ -14,7 +14,7 @@ from __future__ import annotations
 import secrets
 import threading
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
 from time import perf_counter
@@ -98,7 +98,9 @@ class Shelf:
                 continue
             self.seconds += head["seconds"]
             self.count += len(head["tiles"])
-            self._bytes += path.stat().st_size
+            # Another process that bakes the same may have published it, and removed this
+            with suppress(FileNotFoundError):
+                self._bytes += path.stat().st_size
             for (call, _, _), _ in head["tiles"]:
                 self._places.setdefault(call, set()).add(path)
 

@@ -229,6 +229,20 @@ def test_a_damaged_file_costs_its_tiles_and_a_warning(bench: Bench) -> None:
     assert Text.load(entry.path).text == f"ab{sums}"
 
 
+def test_files_that_another_process_removes_do_no_harm(bench: Bench, monkeypatch: Any) -> None:
+    """Without a lock two processes bake the same, and the first to publish clears away."""
+    folder = interrupt(bench, 5)
+    read = tile_files.read
+
+    def gone(path: Path, key: str) -> Any:
+        found = read(path, key)
+        publish.discard(folder)
+        return found
+
+    monkeypatch.setattr(tile_files, "read", gone)
+    assert Text.load(bench.store.run(count_up, bench.source).path).text.startswith("ab")
+
+
 def test_calls_that_were_shared_out_otherwise_are_not_taken(tmp_path: Path) -> None:
     for count, expected in ((4, 4), (5, 5), (4, 0)):
         ran: list[int] = []
