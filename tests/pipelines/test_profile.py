@@ -100,8 +100,9 @@ def test_the_frame_is_the_sum_of_its_passes_within_a_tenth(
     render_scene(scene, tmp_path / "x.png", size="160x90", build_folder=build)
     ratios = []
     with Player(build / "scenes" / name, size=(160, 90)) as player:
-        # Other programs on the machine take their time too, from either side: several tries
-        for _ in range(6):
+        # Other programs on the machine take their time too, from either side: many tries. Of six
+        # none was quiet beside eight bakes at once
+        for _ in range(30):
             found = profile.measure(player, [0.0], frames=15)
             ratios.append(found["total"]["milliseconds"] / found["frame"]["milliseconds"])
             if abs(ratios[-1] - 1.0) < 0.1:
