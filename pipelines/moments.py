@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import re
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from time import time as now
 
 from formats.errors import InputError
 from formats.scene import Scene
@@ -15,8 +12,6 @@ from formats.schema import MAX_SECONDS
 
 MOVIES = (".gif", ".webp", ".mp4")
 MAX_FRAMES = 1_000_000
-STALE_HOURS = 6
-_TEMPORARY = re.compile(r"\.tmp-\d+-[0-9a-f]{12}")  # of formats.files.atomic
 _NUMBERED = re.compile(r"#+|%0?(\d{0,2})d")
 
 
@@ -90,16 +85,6 @@ def target(out: Path, moment: Moment) -> Path:
         found = folder / f"{moment.name}{suffix or '.png'}"
     found.parent.mkdir(parents=True, exist_ok=True)
     return found
-
-
-def sweep(folder: Path) -> None:
-    """Remove the temporaries that killed processes left in a folder hours ago, and nothing else."""
-    latest = now() - 3600 * STALE_HOURS
-    with suppress(OSError):
-        for file in list(os.scandir(folder)):
-            ours = _TEMPORARY.fullmatch(file.name) and file.is_file(follow_symlinks=False)
-            if ours and file.stat().st_mtime < latest:
-                os.unlink(file.path)
 
 
 def numbered_name(pattern: str, number: int) -> str:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from formats import scene as scenes
 from formats.errors import DamagedError, InputError
+from formats.files import atomic
 from pipelines import current, moments, pass_times
 from pipelines.moments import MOVIES, Moment
 
@@ -222,7 +223,7 @@ def _write(
         from pipelines import movie
 
         out.parent.mkdir(parents=True, exist_ok=True)
-        moments.sweep(out.parent)
+        atomic.sweep(out.parent)
         frames = progress((player.frame(m.time)[..., :3] for m in wanted), len(wanted))
         movie.write(out, frames, rate, len(wanted), options.quality)
         job.files.append(out)
@@ -230,7 +231,7 @@ def _write(
         return
     write = _linear(player, names) if out.suffix.lower() == ".exr" else _finished(player)
     for moment in wanted[:1]:
-        moments.sweep(moments.target(out, moment).parent)
+        atomic.sweep(moments.target(out, moment).parent)
     for moment in progress(wanted, len(wanted)):
         target = moments.target(out, moment)
         if options.skip_existing and target.is_file():

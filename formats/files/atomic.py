@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import secrets
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -14,6 +16,9 @@ from formats.errors import InputError, MachineError
 TEMPORARY = ".tmp-"
 """Names that start so are unfinished: a sweeper may delete them, a seal leaves them out."""
 
+STALE_HOURS = 6
+
+_OURS = re.compile(re.escape(TEMPORARY) + r"\d+-[0-9a-f]{12}")  # what `replacing` calls them
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -46,6 +51,16 @@ def write_bytes(path: Path, data: bytes) -> None:
     """Write `data` to `path` in one step; errors as in `replacing`."""
     with replacing(path) as temporary, open(temporary, "xb") as stream:
         stream.write(data)
+
+
+def sweep(folder: Path) -> None:
+    """Remove the temporaries that killed processes left in a folder hours ago, and nothing else."""
+    latest = time.time() - 3600 * STALE_HOURS
+    with suppress(OSError):
+        for file in list(os.scandir(folder)):
+            ours = _OURS.fullmatch(file.name) and file.is_file(follow_symlinks=False)
+            if ours and file.stat().st_mtime < latest:
+                os.unlink(file.path)
 
 
 def _flush(path: Path, flags: int) -> None:

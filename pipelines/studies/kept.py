@@ -15,6 +15,7 @@ from typing import Any
 
 from bake import machine, syntax
 from formats.files import atomic
+from pipelines.current import digest
 from pipelines.studies.answer import LIBRARIES
 from pipelines.studies.subjects import Setting
 
@@ -62,7 +63,7 @@ def player() -> str:
     """Return a hash of the passes and shaders, which the player finds by their names."""
     paths = [p for p in sorted((ROOT / "runtime").rglob("*")) if p.is_file()]
     texts = [
-        syntax.of(p)[0] if p.suffix == ".py" else _digest(p)
+        syntax.of(p)[0] if p.suffix == ".py" else digest(p)
         for p in paths
         if "__pycache__" not in p.parts
     ]
@@ -73,7 +74,7 @@ def player() -> str:
 def files() -> str:
     """Return a hash of the assets that studies measure on."""
     paths = [p for p in sorted((ROOT / "assets").rglob("*")) if p.is_file()]
-    told = [[p.relative_to(ROOT).as_posix(), _digest(p)] for p in paths if p.suffix != ".pyc"]
+    told = [[p.relative_to(ROOT).as_posix(), digest(p)] for p in paths if p.suffix != ".pyc"]
     return hashlib.sha256(syntax.canonical(told).encode()).hexdigest()
 
 
@@ -82,11 +83,7 @@ def source(path: Path | None) -> list[str]:
     if path is None:
         return []
     beside = sorted(p for p in path.parent.iterdir() if p.is_file() and p != path)
-    return [_digest(p) for p in [path, *(beside if path.suffix.lower() in SIDECARS else ())]]
-
-
-def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+    return [digest(p) for p in [path, *(beside if path.suffix.lower() in SIDECARS else ())]]
 
 
 def is_current(out: Path, question: str, wanted: str) -> bool:

@@ -94,7 +94,7 @@ def answered(rows: list[Row], shots: dict[tuple[str, str], Shot], setting: Setti
             f"without shadows, by transfer {float(other[most]['error']):.0%}",
             "frame_ms": f"A frame under {most:,} lamps takes "
             f"{float(direct[most]['frame_ms']):,.0f} ms directly, by transfer "
-            f"{float(other[most]['frame_ms']):.2g}",
+            f"{float(other[most]['frame_ms']):,.0f}",
         },
         shots=shots,
         panels=(

@@ -80,3 +80,18 @@ def test_a_folder_that_cannot_be_written_is_input(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         atomic.write_bytes(tmp_path / "folder", b"new")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_old_temporaries_alone_are_swept(tmp_path: Path) -> None:
+    """What a killed render left goes after hours; what is new, or another's, stays."""
+    with atomic.replacing(tmp_path / "a.png") as temporary:
+        temporary.write_bytes(b"x")
+        left = tmp_path / f".tmp-1-{temporary.name[-12:]}"
+        left.write_bytes(b"x")
+    others = [tmp_path / ".tmp-mine", tmp_path / ".tmp-2-0123456789ab", tmp_path / "a.png"]
+    for file in others[:2]:
+        file.write_bytes(b"x")
+    for file in (left, others[0], others[2]):
+        os.utime(file, (0, 0))
+    atomic.sweep(tmp_path)
+    assert sorted(tmp_path.iterdir()) == sorted(others)

@@ -1,13 +1,11 @@
 """Names of files: numbers where asked for, one file a moment."""
 
-import os
 from pathlib import Path
 
 import pytest
 
 from formats import scene as scenes
 from formats.errors import InputError
-from formats.files import atomic
 from pipelines import moments
 
 
@@ -52,18 +50,3 @@ def test_a_numbered_name_that_makes_no_sense(
 def test_one_frame_by_number_is_one_file(scene: scenes.Scene, tmp_path: Path) -> None:
     (moment,) = moments.chosen(scene, (), "3:4", tmp_path / "one.png")
     assert moments.target(tmp_path / "one.png", moment) == tmp_path / "one.png"
-
-
-def test_old_temporaries_alone_are_swept(tmp_path: Path) -> None:
-    """What a killed render left goes after hours; what is new, or another's, stays."""
-    with atomic.replacing(tmp_path / "a.png") as temporary:
-        temporary.write_bytes(b"x")
-        left = tmp_path / f".tmp-1-{temporary.name[-12:]}"
-        left.write_bytes(b"x")
-    others = [tmp_path / ".tmp-mine", tmp_path / ".tmp-2-0123456789ab", tmp_path / "a.png"]
-    for file in others[:2]:
-        file.write_bytes(b"x")
-    for file in (left, others[0], others[2]):
-        os.utime(file, (0, 0))
-    moments.sweep(tmp_path)
-    assert sorted(tmp_path.iterdir()) == sorted(others)
